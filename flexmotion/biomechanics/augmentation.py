@@ -87,6 +87,7 @@ def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges =
         wrenches=None,
         activations=None,
         joint_contact=None,
+        pressure_centres=None,
         contacts=None,
     )
 

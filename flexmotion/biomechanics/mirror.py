@@ -38,6 +38,7 @@ def mirror(motion: Motion) -> Motion:
     Activations are dropped: the two sides' muscle paths are not exact mirror images. Joint contact forces are mirrored;
     those computed from the mirrored motion are the same in the legs and differ by .02 body weights at the lumbar joint.
     """
+    centres = motion.pressure_centres
     torques, wrenches, contacts, joint_contact = motion.torques, motion.wrenches, motion.contacts, motion.joint_contact
     if torques is not None:
         root = torques[:, :6] * np.concatenate([POLAR, AXIAL])
@@ -49,6 +50,7 @@ def mirror(motion: Motion) -> Motion:
         joints=motion.joints[:, ORDER] * SIGN,
         torques=torques,
         wrenches=None if wrenches is None else wrenches[:, ::-1] * np.concatenate([POLAR, AXIAL]),
+        pressure_centres=None if centres is None else centres[:, ::-1] * POLAR,
         contacts=None if contacts is None else contacts[:, ::-1],
         activations=None,
         joint_contact=None if joint_contact is None else joint_contact[:, CONTACT_ORDER] * POLAR,

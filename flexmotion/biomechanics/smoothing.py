@@ -65,7 +65,7 @@ def smoothing_spline(signal: Float, fps: float, cutoff: float | Float) -> Float:
 def smooth(motion: Motion, cutoff: float | Float = CUTOFF) -> Motion:
     """Kinematics low-passed at a cut-off frequency [Hz], or one of each frame, without delay; no other fields."""
     if np.min(cutoff) >= motion.fps / 2 or len(motion) < 2:
-        return replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
+        return replace(motion, torques=None, wrenches=None, pressure_centres=None, activations=None, joint_contact=None)
 
     def filtered(quaternions: Float) -> Float:
         result = smoothing_spline(continuous_quaternions(quaternions), motion.fps, cutoff)
@@ -84,6 +84,7 @@ def smooth(motion: Motion, cutoff: float | Float = CUTOFF) -> Motion:
         joints=joints,
         torques=None,
         wrenches=None,
+        pressure_centres=None,
         activations=None,
         joint_contact=None,
     )

@@ -67,11 +67,9 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     """
     values = np.asarray(features, np.float64)
     blocks, leg, frames = layout.blocks, body.leg, len(values)
-    root, rotations = values[:, blocks["root"]], values[:, blocks["rotations"]]
-    yaw = anchor.yaw + np.cumsum(root[:, 2]) / layout.fps
-    before = np.concatenate([[anchor.yaw], yaw[:-1]])
-    travel = turned(np.concatenate([root[:, :2], np.zeros((frames, 1))], axis=1), before)[:, :2] * leg / layout.fps
-    position = np.concatenate([anchor.place + np.cumsum(travel, axis=0), root[:, 3:4] * leg], axis=1)
+    rotations = values[:, blocks["rotations"]]
+    position, yaw = root_path(values, layout, body, anchor)
+    below = position * [1.0, 1.0, 0.0]
 
     turn = yaw_matrix(yaw) @ matrix(rotations[:, :PELVIS_SIZE])
     balls = rotations[:, PELVIS_SIZE : PELVIS_SIZE + 6 * len(BALLS)].reshape(frames, len(BALLS), 6)
@@ -80,6 +78,8 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     joints[:, HINGE_COLUMNS] = rotations[:, PELVIS_SIZE + 6 * len(BALLS) :]
 
     weight = body.mass * GRAVITY
+    force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
+    levers = _levers(force, moment, height, weight)
     torques = np.zeros((frames, DOF_COUNT))
     torques[:, -len(JOINTS) :] = values[:, blocks["torques"]] * (weight * leg)
     return Motion(
@@ -89,7 +89,8 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
         joints=joints,
         body=body,
         torques=torques,
-        wrenches=_wrenches(values, layout, yaw, weight, leg),
+        wrenches=np.concatenate([force, moment - np.cross(levers, force)], axis=-1),
+        pressure_centres=turned(_ankles(values, layout), yaw) * leg + below[:, None] + levers,
         contacts=values[:, blocks["contacts"]] > 0.5,
         activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,
         joint_contact=_joint_contact(values, layout, weight),
@@ -97,22 +98,14 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     )
 
 
-def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float:
-    """Centres of pressure on the floor, the reference points of a decoded motion's moments, (T, 2, 3) [m].
-
-    Below the ankle where a foot carries hardly any load.
-
-    Args:
-        features: of the motion, (T, layout.size).
-        layout: of the features.
-        motion: decoded.
-    """
-    values = np.asarray(features, np.float64)
-    yaw = continuous_matrix_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
-    leg, weight = motion.body.leg, motion.body.mass * GRAVITY
-    ankles = turned(_ankles(values, layout), yaw) * leg + (motion.root_position * [1.0, 1.0, 0.0])[:, None]
-    force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
-    return ankles + _levers(force, moment, height, weight)
+def root_path(features: NDArray, layout: Layout, body: Body, anchor: Anchor) -> tuple[Float, Float]:
+    """Positions of the root, (T, 3) [m], and headings, (T,) [rad], from features that are not normalised."""
+    root = np.asarray(features[:, layout.blocks["root"]], np.float64)
+    yaw = anchor.yaw + np.cumsum(root[:, 2]) / layout.fps
+    before = np.concatenate([[anchor.yaw], yaw[:-1]])
+    flat = np.concatenate([root[:, :2], np.zeros((len(root), 1))], axis=1)
+    travel = turned(flat, before)[:, :2] * body.leg / layout.fps
+    return np.concatenate([anchor.place + np.cumsum(travel, axis=0), root[:, 3:4] * body.leg], axis=1), yaw
 
 
 def _joint_contact(values: Float, layout: Layout, weight: float) -> Float | None:
@@ -120,12 +113,6 @@ def _joint_contact(values: Float, layout: Layout, weight: float) -> Float | None
     if not layout.joint_contact:
         return None
     return values[:, layout.blocks[JOINT_CONTACT]].reshape(len(values), len(CONTACT_JOINTS), 3) * weight
-
-
-def _wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> Float:
-    """Ground reaction about the centres of pressure, world axes, (T, 2, 6)."""
-    force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
-    return np.concatenate([force, moment - np.cross(_levers(force, moment, height, weight), force)], axis=-1)
 
 
 def _ankle_wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> tuple[Float, Float, Float]:

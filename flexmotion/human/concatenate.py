@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.human.motion import Motion
-
-_OPTIONAL = ("torques", "wrenches", "activations", "joint_contact", "contacts")
+from flexmotion.human.motion import DYNAMIC, Motion
 
 
 def concatenate(parts: Sequence[Motion]) -> Motion:
     """All frames of `parts` as one motion with the body of the first.
 
-    Torques, wrenches, activations, joint contact and contacts are kept where all parts have them.
+    Torques, wrenches, centres of pressure, activations, joint contact and contacts are kept where all parts have them.
 
     Raises:
         ValueError: there are no parts, or their frame rates differ.
@@ -31,7 +29,7 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
         flipped = len(part) and known[-1] @ part.root_quaternion[0] < 0
         quaternions.append(-part.root_quaternion if flipped else part.root_quaternion)
     optional: dict[str, Any] = {}
-    for name in _OPTIONAL:
+    for name in DYNAMIC:
         # A part without frames lacks nothing.
         values = [getattr(part, name) for part in parts if len(part)]
         whole = bool(values) and all(value is not None for value in values)

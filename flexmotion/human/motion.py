@@ -14,6 +14,9 @@ from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 
+DYNAMIC = ("torques", "wrenches", "pressure_centres", "activations", "joint_contact", "contacts")
+"""Optional fields of a `Motion`: what moves it, and where it touches the ground."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -28,6 +31,8 @@ class Motion:
         torques: generalised forces of root and joints, (T, 32) [N, N·m]; None where not computed.
         wrenches: ground reaction on the left and right foot in the world, (T, 2, 6) [N, N·m]: force, then moment
             about the centre of pressure; None where not computed.
+        pressure_centres: those centres of pressure, on the floor, below the ankle of a foot in the air, (T, 2, 3) [m];
+            None where not known.
         activations: muscle activations, (T, M) in [0, 1]; None where not computed.
         joint_contact: force on the segment beyond each of `skeleton.CONTACT_JOINTS`, in that segment's axes,
             (T, 7, 3) [N]; None where not computed.
@@ -48,6 +53,7 @@ class Motion:
     source: str = ""
     joint_contact: Float | None = None
     mass_given: bool | None = None
+    pressure_centres: Float | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)
@@ -59,6 +65,7 @@ class Motion:
         optional = {
             "torques": (frames, DOF_COUNT),
             "wrenches": (frames, 2, 6),
+            "pressure_centres": (frames, 2, 3),
             "joint_contact": (frames, len(CONTACT_JOINTS), 3),
             "contacts": (frames, 2),
         }
@@ -87,9 +94,14 @@ class Motion:
         """The frames of a slice (views, not copies)."""
         return self._map(lambda value: value[frames])
 
+    @property
+    def kinematics(self) -> Motion:
+        """The motion without torques, forces, contacts and activations."""
+        absent: dict[str, Any] = dict.fromkeys(DYNAMIC)
+        return replace(self, **absent)
+
     def _map(self, function: Callable[[NDArray], NDArray]) -> Motion:
         names = ("root_position", "root_quaternion", "joints")
-        forces = ("torques", "wrenches", "activations", "joint_contact", "contacts")
-        present = (name for name in (*names, *forces) if getattr(self, name) is not None)
+        present = (name for name in (*names, *DYNAMIC) if getattr(self, name) is not None)
         changed: dict[str, Any] = {name: function(getattr(self, name)) for name in present}
         return replace(self, **changed)

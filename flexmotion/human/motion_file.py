@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Body, Segments
-from flexmotion.human.motion import Motion
+from flexmotion.human.motion import DYNAMIC, Motion
 from flexmotion.human.skeleton import JOINTS
 
 SCHEMA = "flexmotion.motion/1"
 REQUIRED = ("root_position", "root_quaternion", "joints")
-OPTIONAL = ("torques", "wrenches", "activations", "joint_contact", "contacts")
 
 
 def save_motion(motion: Motion, path: str | Path) -> None:
@@ -43,7 +42,7 @@ def motion_content(motion: Motion) -> tuple[dict[str, Any], dict[str, NDArray]]:
         "mass_given": motion.mass_given,
         "source": motion.source,
     }
-    arrays = {name: getattr(motion, name) for name in (*REQUIRED, *OPTIONAL)}
+    arrays = {name: getattr(motion, name) for name in (*REQUIRED, *DYNAMIC)}
     return header, {name: value for name, value in arrays.items() if value is not None}
 
 
@@ -71,9 +70,7 @@ def load_motion(path: str | Path) -> Motion:
         body = header["body"]
         fitted = Segments(**body.pop("fitted")) if body.get("fitted") else body.pop("fitted")
         joints = np.asarray(content["joints"], np.float64)[:, order]
-        floats = {
-            name: np.asarray(content[name], np.float64) for name in (*REQUIRED, *OPTIONAL[:-1]) if name in content
-        }
+        floats = {name: np.asarray(content[name], np.float64) for name in (*REQUIRED, *DYNAMIC[:-1]) if name in content}
         contacts = np.asarray(content["contacts"], np.bool_) if "contacts" in content else None
         return Motion(
             fps=float(header["fps"]),

@@ -35,6 +35,7 @@ def resample(motion: Motion, fps: float) -> Motion:
         joints=resample_signal(motion.joints, motion.fps, fps),
         torques=signal(motion.torques),
         wrenches=signal(motion.wrenches),
+        pressure_centres=signal(motion.pressure_centres),
         joint_contact=signal(motion.joint_contact),
         # The filter overshoots at steps; activations are within [0, 1].
         activations=None if activations is None else activations.clip(0.0, 1.0),

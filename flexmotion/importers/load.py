@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.human.floor import clip_floor
 from flexmotion.human.kinematics import forward
-from flexmotion.human.motion import Motion
+from flexmotion.human.motion import DYNAMIC, Motion
 from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
 from flexmotion.importers.acclaim import read_acclaim
@@ -226,12 +226,12 @@ def own_motion(
         body, guess = with_mass(motion.body, mass, height)
         kept = isclose(body.mass, before.mass, rel_tol=SAME_SIZE)
         motion = replace(motion, body=replace(body, mass=before.mass) if kept else body)
-    stale = [name for name in ("torques", "wrenches", "activations", "joint_contact") if _has(motion, name)]
+    stale = [name for name in DYNAMIC if name != "contacts" and _has(motion, name)]
     if motion.body != before and stale:
         notes.append(
             f"{', '.join(stale)} removed: they are those of a human of {before.mass:.1f} kg and {before.height:.2f} m"
         )
-        motion = replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
+        motion = replace(motion.kinematics, contacts=motion.contacts)
     motion = replace(motion, mass_given=given)
     motion = motion if fps is None else resample(motion, fps)
     return Import(motion, warnings=tuple(notes), mass_guess=guess)

@@ -41,6 +41,7 @@ def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int)
         joints=_mixed(before.joints, new.joints, weight),
         torques=_both(before.torques, new.torques, weight),
         wrenches=_both(before.wrenches, new.wrenches, weight),
+        pressure_centres=_both(before.pressure_centres, new.pressure_centres, weight),
         activations=_both(before.activations, new.activations, weight),
         joint_contact=_both(before.joint_contact, new.joint_contact, weight),
         contacts=_nearer(before.contacts, new.contacts, weight),

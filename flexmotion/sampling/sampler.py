@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
-from flexmotion.features.decode import Anchor, decode
+from flexmotion.features.decode import Anchor, decode, root_path
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.sampling.at_rest import at_rest
+from flexmotion.sampling.delivery import KNOWN, Delivered, delivered
+from flexmotion.sampling.guidance import guided
+from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.planted import planted
 from flexmotion.text import phrases
@@ -137,7 +140,7 @@ class Sampler:
     @property
     def remembers(self) -> int:
         """Frames of history that a sample depends on."""
-        return self.history + LEAD
+        return max(self.history + LEAD, KNOWN)
 
     @property
     def follows_velocity(self) -> bool:
@@ -157,8 +160,8 @@ class Sampler:
         """The `future` frames after a history.
 
         Args:
-            history: the last frames, of the bundle's body, at its frame rate; at least `history + 2` of them determine
-                the sample. With fewer, motion before them is taken as even.
+            history: the last frames, of the bundle's body, at its frame rate; `remembers` of them determine the
+                sample. With fewer, motion before them is taken as even.
             condition: the request.
             seed: of the noise.
 
@@ -166,18 +169,45 @@ class Sampler:
             ValueError: the history is empty, or has another frame rate or body.
             ConfigError: a network of the bundle fails.
         """
-        features = self.features(history, condition, seed)
-        motion = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
-        motion = planted(motion, history)
+        return self.extend(history, condition, seed).window
+
+    def extend(self, history: Motion, condition: Condition, seed: int) -> Delivered:
+        """The window of `sample`, and the last frames of the history with forces that belong to what follows now.
+
+        Args:
+            history, condition, seed: see `sample`.
+
+        Raises:
+            ValueError, ConfigError: see `sample`.
+        """
+        remembered = self._remember(history)
+        found = self._decoded(remembered, condition, seed)
+        features = steadied(inertialised(found, remembered, self.layout), remembered, self.layout)
+        motion = self.planted(features, history, condition)
+        return delivered(motion, history, self._accelerations(found, Anchor.after(history)))
+
+    def planted(self, features: Float32, history: Motion, condition: Condition) -> Motion:
+        """Motion of features after a history, its loaded feet in place; forces are as decoded."""
+        decoded = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+        motion = planted(decoded, history)
         return at_rest(motion, self._rest) if self._stands(self.meant(condition)) else motion
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
-        """Features of a sample before its feet are planted, not normalised, (W, layout.size)."""
+        """Features of a sample as decoded, before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
+        return inertialised(self._decoded(remembered, condition, seed), remembered, self.layout)
+
+    def _decoded(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
+        """Features of a sample that do not join the history yet, not normalised, (W, layout.size)."""
         latent = self._latent(remembered, condition, seed)
         inputs = {"latent": latent, "history": self._inputs["history"][:1]}
-        frames = run(self._decoder, self.bundle.folder / DECODER, inputs)
-        return inertialised(self._statistics.restore(frames[0]), remembered, self.layout)
+        return self._statistics.restore(run(self._decoder, self.bundle.folder / DECODER, inputs)[0])
+
+    def _accelerations(self, found: Float32, anchor: Anchor) -> NDArray[np.float64]:
+        """Second derivative of the root's path of a sample that does not join the history yet, (W, 3) [m/s²]."""
+        path, _ = root_path(found, self.layout, self.body, anchor)
+        middle = np.diff(path, n=2, axis=0) * self.fps**2
+        return np.concatenate([middle[:1], middle, middle[-1:]]) if len(middle) else np.zeros_like(path)
 
     def _remember(self, history: Motion) -> Float32:
         """Features of the history, not normalised, (H, F)."""
@@ -187,8 +217,8 @@ class Sampler:
             raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
         last = history[max(0, len(history) - self.history - LEAD) :]
         # The inputs of the networks are kinematic.
-        moved = replace(last, torques=None, wrenches=None, activations=None, joint_contact=None, contacts=None)
-        features = encode(moved, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
+        encoded = encode(last.kinematics, self.layout)
+        features = encoded[len(encoded) - min(self.history, len(encoded)) :]
         if len(features) < self.history:
             first = np.repeat(features[:1], self.history - len(features), axis=0)
             features = np.concatenate([first, features])
@@ -211,7 +241,7 @@ class Sampler:
             inputs["noisy"][:] = noisy
             inputs["time"][:] = now
             found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
-            clean = found if manifest.guided else _guided(found, scale, manner_scale)
+            clean = found if manifest.guided else guided(found, scale, manner_scale)
             kept = self._kept[now]
             left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
@@ -319,14 +349,3 @@ class Sampler:
     @property
     def _source(self) -> str:
         return f"model:{self.name}"
-
-
-def _guided(found: Float32, scale: float, manner_scale: float) -> Float32:
-    """The estimate under guidance, (1, L); see `training.distillation_task.guided`.
-
-    Args:
-        found: estimates with the request, in any manner (of networks with a manner), without a request, (2 or 3, L).
-        scale, manner_scale: of the guidance.
-    """
-    asked = found[-1:] + np.float32(scale) * (found[-2:-1] - found[-1:])
-    return asked if len(found) == 2 else asked + np.float32(manner_scale) * (found[:1] - found[1:2])

@@ -26,7 +26,7 @@ from flexmotion.evaluation.embeddings import (
 from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.evaluation.physics import beyond_muscles, joint_contact_error, physics_metrics
-from flexmotion.features.decode import Anchor, decode, pressure_centres
+from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import encode
 from flexmotion.features.layout import ACTIVATIONS
 from flexmotion.human.body import Body
@@ -218,7 +218,8 @@ class Judge:
             # Those of the features: a motion's are clipped to [0, 1].
             raw = np.asarray(future[:, self.layout.blocks[ACTIVATIONS]], np.float64)
             motion = replace(motion, activations=raw)
-        figures = physics_metrics(motion, pressure_centres(future, self.layout, motion))
+        assert motion.pressure_centres is not None
+        figures = physics_metrics(motion, motion.pressure_centres)
         if find_spec("myo_sim") is not None:
             if self.layout.muscles:
                 figures["muscle_torque"] = beyond_muscles(motion)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
@@ -33,9 +34,9 @@ frames."""
 class ModelSource:
     """Samples each window from the motion before it, and keeps it: the same frames are the same whenever requested.
 
-    A new plan gets the frames of the last one, and more after them. Only a target replaces frames, from where it takes
-    effect. A sample depends on the frame at which its window begins, on the intent there, on the motion before it and
-    on the seed; it does not depend on the clock.
+    A new plan gets the frames of the last one, and more after them; forces are those of the joined motion, also where
+    windows meet. Only a target replaces frames, from where it takes effect. A sample depends on the frame at which its
+    window begins, on the intent there, on the motion before it and on the seed; it does not depend on the clock.
 
     Args:
         sampler: of the model.
@@ -95,7 +96,7 @@ class ModelSource:
         # Sampled motion: frames from `_first` on, in the pieces in which they were sampled, so that a piece without
         # forces does not remove those of the others. Before frame 0 the human stands.
         self._pieces = [sampler.standing()]
-        self._first = -len(self._sampled)
+        self._first = -len(self._pieces[0])
         self._courses: list[tuple[int, Course]] = []  # first frames of windows, and the course after each
         self._remarked: str | None = None  # kind of the last message about a target
 
@@ -238,11 +239,6 @@ class ModelSource:
         self._append(played)
 
     @property
-    def _sampled(self) -> Motion:
-        """All that is kept, as one motion."""
-        return concatenate(self._pieces)
-
-    @property
     def _next(self) -> int:
         """First frame that is not sampled yet."""
         return self._first + sum(len(piece) for piece in self._pieces)
@@ -254,7 +250,8 @@ class ModelSource:
 
     def _extend(self, first: int, last: int) -> Motion:
         """Frames from `first` to before `last`; samples those that are not sampled yet."""
-        while self._next < last:
+        # Forces of a window's last frames depend on the next window: it is sampled before they are handed on.
+        while self._next < last + EDGE:
             self._sample_window()
         frames = self._frames(first, last)
         self._drop(first - int(_KEPT_S * self.fps))
@@ -292,8 +289,9 @@ class ModelSource:
             return self._append(clip)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
-        window = self.sampler.sample(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)
-        self._append(window[: change - begin])
+        found = self.sampler.extend(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)
+        self._pieces = [*self._cut(self._first, begin - len(found.before)), found.before]
+        self._append(found.window[: change - begin])
 
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""
@@ -311,9 +309,9 @@ class ModelSource:
 
     def _stand_until(self, before: int) -> None:
         """Replace the motion by standing until frame `before`, at the last position sampled before it."""
-        known = self._sampled[: max(before - self._first, 1)]
+        known = concatenate(self._pieces)[: max(before - self._first, 1)]
         self._pieces = [self.sampler.standing(after=known)]
-        self._first = before - len(self._sampled)
+        self._first = before - len(self._pieces[0])
         self._courses = []
 
     def _drop(self, before: int) -> None:

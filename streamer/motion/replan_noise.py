@@ -113,6 +113,7 @@ def _at(motion: Motion, places: Float) -> Motion:
         joints=between(motion.joints),
         torques=None,
         wrenches=None,
+        pressure_centres=None,
         activations=None,
         joint_contact=None,
         contacts=None,

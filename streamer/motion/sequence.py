@@ -39,7 +39,7 @@ def sequence(clips: Sequence[tuple[float, Motion]], end: float | None, blend_fra
 
 def poses_only(motion: Motion) -> Motion:
     """The motion without forces, contacts and activations, which are invalid after a change of place and body."""
-    return replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None, contacts=None)
+    return motion.kinematics
 
 
 def _held(motion: Motion, frames: int) -> Motion:

@@ -9,6 +9,7 @@ import numpy as np
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.sampling.delivery import Delivered
 from flexmotion.sampling.sampler import Condition
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.text.prompt_reader import Prompt
@@ -41,6 +42,9 @@ class StubSampler:
         if after is not None:
             place, yaw = after.root_position[-1, :2], float(continuous_heading(after.root_quaternion)[-1])
         return self._motion(np.broadcast_to(place, (self.history, 2)), np.full(self.history, yaw), 0.0)
+
+    def extend(self, history: Motion, condition: Condition, seed: int) -> Delivered:
+        return Delivered(history[max(0, len(history) - 6) :], self.sample(history, condition, seed))
 
     def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
         assert len(history) >= min(self.remembers, self.history)

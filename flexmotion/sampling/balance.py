@@ -1,0 +1,236 @@
+"""`balancing_shift`: how the root's path is shifted so that the ground can give what the motion needs.
+
+Errors of the legs let loaded feet slide, and holding them in place (`planted`) jerks the body: its zero-moment point
+leaves the soles by decimetres. Here the whole body, feet included, is shifted by a path d(t) that trades the two:
+
+    min  Σ slip |ḋ|²  +  network |r̈ + d̈ - a|²  +  jerk |r⃛ + d⃛|²     so that the zero-moment point is within the soles
+
+for the root's path r and the accelerations a of the model's own path. Seen from the feet, which move along, the
+zero-moment point moves by -(z_c / (z̈_c + g)) d̈ for a height z_c of the centre of mass (M. Vukobratovic, B. Borovac,
+"Zero-moment point: thirty five years of its life", Int. J. Humanoid Robotics 1(1), 2004): the problem is a quadratic
+programme in d. It is solved by the alternating direction method of multipliers (S. Boyd et al., Foundations and Trends
+in Machine Learning 3(1), 2011), in which a frame's constraint is a projection on a polygon. Frames before the window
+are fixed, so the shift begins without a jump of place or speed. The vertical path is shifted before, by the same terms
+with |d|² for the floor in place of the slip, so that the ground is pressed on, not pulled at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.differentiation import HALF, second_derivative
+from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
+from flexmotion.sampling.soles import NOWHERE, OUTWARD
+from flexmotion.spatial.gravity import GRAVITY
+
+Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Weights of the problem; accelerations have the weight 1.
+
+    Attributes:
+        slip: a body that slips slower than this frequency [Hz] does so rather than accelerate.
+        floor: the same of the height above the floor [Hz].
+        network: weight of the accelerations of the model's path.
+        ease: penalty factor of the method: of an acceleration that the ground cannot give, in one iteration.
+        rounds: iterations.
+        margin: distance that the zero-moment point keeps from the edge of the soles [m].
+        least: least vertical acceleration of the ground's force, relative to gravity.
+    """
+
+    slip: float = 1.0
+    floor: float = 1.5
+    network: float = 0.3
+    ease: float = 3.0
+    rounds: int = 30
+    margin: float = 0.01
+    least: float = 0.15
+
+
+BALANCE = Balance()
+
+LIGHT = 0.25
+"""With less vertical force than this share of the body's weight a frame has no zero-moment point to speak of."""
+
+FASTEST = 2.0
+"""Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
+
+PROJECTIONS = 2
+"""Half-planes that a point is brought behind, the farthest first, in one iteration."""
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a motion needs of the ground, N frames of which the first are known.
+
+    Attributes:
+        known: number of frames that stay as they are.
+        fps: frames per second.
+        root: path of the root, (N, 3) [m].
+        planned: accelerations of the model's own path, used from the second frame of the window to the last but one,
+            (N, 3) [m/s²].
+        force: on the whole body, over its mass, (N, 3) [m/s²].
+        moment: about the world's origin, over the body's mass, (N, 3) [m²/s²].
+        centre: of mass, (N, 3) [m].
+    """
+
+    known: int
+    fps: float
+    root: Float
+    planned: Float
+    force: Float
+    moment: Float
+    centre: Float
+
+    def shifted(self, shift: Float) -> Needs:
+        """The needs of the motion shifted by (N, 3) [m]."""
+        more = second_derivative(shift, self.fps)
+        force = self.force + more
+        moment = self.moment + np.cross(self.centre + shift, more) + np.cross(shift, self.force)
+        return replace(self, root=self.root + shift, force=force, moment=moment, centre=self.centre + shift)
+
+
+def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> Float:
+    """Shift of the height of every frame, (N,) [m]; zero in known frames.
+
+    Args:
+        needs: of the motion.
+        borne: whether a foot is within reach of the floor, (N,); else nothing but gravity acts on the body.
+        settings: weights.
+    """
+    terms = _terms(len(needs.root), needs.known, needs.fps, settings)
+    least = np.where(borne, settings.least * GRAVITY, 0.0)[terms.rows]
+    most = np.where(borne[terms.rows], np.inf, 0.0)
+    base = needs.force[terms.rows, 2]
+    start = terms.wanted(needs, 2)
+    rows, inverse = terms.second[terms.rows], terms.height_inverse
+    shift = terms.height_free @ start
+    force = base + rows @ shift
+    if ((force < least) | (force > most)).any():
+        gain = settings.ease * inverse @ rows.T
+        centred, answer = base + rows @ (inverse @ start), rows @ gain
+        given, left = np.clip(force, least, most), np.zeros_like(force)
+        for _ in range(settings.rounds):
+            force = centred + answer @ (given - left - base)
+            given = np.clip(force + left, least, most)
+            left = left + force - given
+        shift = inverse @ start + gain @ (given - left - base)
+    return _whole(_slowed(shift[:, None], needs.fps), needs)[:, 0]
+
+
+def horizontal_shift(needs: Needs, bounds: Float, settings: Balance = BALANCE) -> Float:
+    """Shift of the place of every frame, (N, 2) [m]; zero in known frames.
+
+    Args:
+        needs: after the vertical shift.
+        bounds: of the region under the soles, as of `Soles.bounds`, (N, 32) [m].
+        settings: weights.
+    """
+    terms = _terms(len(needs.root), needs.known, needs.fps, settings)
+    rows, edge = terms.rows, bounds[terms.rows] - settings.margin
+    borne = (needs.force[rows, 2] > LIGHT * GRAVITY) & (edge[:, 0] > NOWHERE / 2)
+    lift = np.maximum(needs.force[rows, 2], LIGHT * GRAVITY)
+    base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift[:, None]
+    lever = needs.centre[rows, 2] / lift
+    moved = -lever[:, None] * terms.second[rows]
+    # An error of the zero-moment point counts as the acceleration that makes up for it.
+    weighted = moved.T * (settings.ease * borne / lever**2)
+    inverse = np.linalg.inv(terms.place + weighted @ moved)
+    start = np.stack([terms.wanted(needs, axis) for axis in (0, 1)], axis=1)
+    gain = inverse @ weighted
+    first = inverse @ start
+    centred, answer = base + moved @ first, moved @ gain
+    point = base + moved @ (terms.place_free @ start)
+    given, left = _within(point, edge), np.zeros_like(point)
+    for _ in range(settings.rounds):
+        point = centred + answer @ (given - left - base)
+        given = _within(point + left, edge)
+        left = left + point - given
+    return _whole(_slowed(first + gain @ (given - left - base), needs.fps), needs)
+
+
+def _within(point: Float, edge: Float) -> Float:
+    """Points brought into regions that are bounded along `OUTWARD`, (R, 2)."""
+    every = np.arange(len(point))
+    for _ in range(PROJECTIONS):
+        beyond = point @ OUTWARD - edge
+        worst = beyond.argmax(axis=1)
+        point = point - (np.maximum(beyond[every, worst], 0.0) * OUTWARD[:, worst]).T
+    return point
+
+
+def _slowed(shift: Float, fps: float) -> Float:
+    """A shift from rest, (M, ...), scaled so that it is nowhere faster than `FASTEST`."""
+    speed = np.linalg.norm(np.diff(shift, axis=0, prepend=0.0), axis=1).max(initial=0.0) * fps
+    return shift * min(1.0, FASTEST / max(speed, 1e-9))
+
+
+def _whole(shift: Float, needs: Needs) -> Float:
+    """With zeros for the known frames."""
+    return np.concatenate([np.zeros((needs.known, *shift.shape[1:])), shift])
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """Matrices that depend on the number of frames alone; N frames, M of them unknown.
+
+    Attributes:
+        rows: frames with a constraint: all whose accelerations the window changes, but the last.
+        second: second derivative of a shift, (N, M).
+        whole: second derivative of a signal, (N, N).
+        tracked: weight of the frames whose acceleration is compared with the model's, (N,).
+        jerk: gradient of the penalty of the jerk of a signal, (M, N).
+        place: Hessian of the horizontal problem without constraints, (M, M), and its inverse `place_free`.
+        height_free, height_inverse: inverse Hessians of the vertical problem without and with constraints, (M, M).
+    """
+
+    rows: NDArray[np.intp]
+    second: Float
+    whole: Float
+    tracked: Float
+    jerk: Float
+    place: Float
+    place_free: Float
+    height_free: Float
+    height_inverse: Float
+
+    def wanted(self, needs: Needs, axis: int) -> Float:
+        """Negative gradient of the objective at no shift, (M,)."""
+        root = needs.root[:, axis]
+        found: Float = self.second.T @ (self.tracked * (needs.planned[:, axis] - self.whole @ root)) - self.jerk @ root
+        return found
+
+
+@lru_cache(maxsize=8)
+def _terms(frames: int, known: int, fps: float, settings: Balance) -> _Terms:
+    unknown = frames - known
+    whole = second_derivative(np.eye(frames), fps)
+    second = whole[:, known:]
+    tracked = np.zeros(frames)
+    tracked[known + 1 : -1] = settings.network
+    order = len(DIFFERENCES) - 1
+    third = sum(weight * np.eye(frames - order, frames, place) for place, weight in enumerate(DIFFERENCES)) * fps**order
+    jerk = third[:, known:].T @ third / (2.0 * np.pi * CUTOFF) ** 2
+    first = (np.eye(unknown) - np.eye(unknown, k=-1)) * fps
+    shared = second.T @ (tracked[:, None] * second) + jerk[:, known:]
+    place = shared + (2.0 * np.pi * settings.slip) ** 2 * first.T @ first
+    height = shared + (2.0 * np.pi * settings.floor) ** 4 * np.eye(unknown)
+    rows = np.arange(max(known - HALF, 0), frames - 1)
+    return _Terms(
+        rows=rows,
+        second=second,
+        whole=whole,
+        tracked=tracked,
+        jerk=jerk,
+        place=place,
+        place_free=np.linalg.inv(place),
+        height_free=np.linalg.inv(height),
+        height_inverse=np.linalg.inv(height + settings.ease * second[rows].T @ second[rows]),
+    )

@@ -1,0 +1,214 @@
+"""`delivered`: a sampled window as it is handed on, with ground forces and torques that belong to its motion.
+
+A model decodes motion, torques and forces together, but its feet are planted afterwards, and a body that is moved needs
+other forces. After planting, therefore:
+
+1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone;
+2. the root's path is shifted until the ground can give what the motion needs (`balance`);
+3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
+4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
+
+Activations stay as the model predicts them: which muscles work against each other is not seen in the motion, and their
+sum is not corrected for the change of the torques. Joint contact forces change by the part of the ground alone.
+
+Accelerations at the end of a window depend on what follows. The forces of the last frames are therefore made once more
+with the next window, and `Delivered.before` has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.differentiation import EDGE, second_derivative
+from flexmotion.biomechanics.dynamics import CONTACT_SHARE
+from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
+from flexmotion.biomechanics.joint_contact import BEYOND
+from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
+from flexmotion.biomechanics.smoothing import CUTOFF
+from flexmotion.biomechanics.sole import REACH
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.human_model import human_model
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
+from flexmotion.sampling.balance import Needs, horizontal_shift, vertical_shift
+from flexmotion.sampling.ground_share import GroundShare, ground_share
+from flexmotion.sampling.low_pass import continued
+from flexmotion.sampling.soles import Soles
+from flexmotion.spatial.gravity import GRAVITY
+
+Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+KNOWN = 2 * EDGE
+"""Frames before a window that its forces, and those of the `EDGE` frames before it, depend on."""
+
+STANDING = 0.8 * REACH
+"""A sole point that the balance relies on is lower than this [m]; the shift of the height may raise it by the rest."""
+
+_LEGS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in LEG_JOINTS]
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """A window and the frames before it.
+
+    Attributes:
+        before: the last frames of the past, `EDGE` or as many as there are, with their forces made again.
+        window: the frames after them.
+    """
+
+    before: Motion
+    window: Motion
+
+
+def delivered(window: Motion, past: Motion, planned: Float) -> Delivered:
+    """Make the forces of a window and of the frames before it those of their motion.
+
+    Args:
+        window: planted, with the wrenches, centres of pressure and contacts that a model predicts. Without them it is
+            returned as it is.
+        past: the motion before it, of the same body and frame rate, at least one frame; with `KNOWN` of them or more
+            the seam is exact. Frames without forces keep none.
+        planned: second derivative of the root's path in the model's own window, (T, 3) [m/s²]; the first and the last
+            row are not used.
+    """
+    last = past[max(0, len(past) - KNOWN) :]
+    before = last[max(0, len(last) - EDGE) :]
+    if window.wrenches is None or window.pressure_centres is None or window.contacts is None or not len(window):
+        return Delivered(before, window)
+    centres = window.pressure_centres
+    window = _low_passed(window, last)
+    known = _lengthened(last, KNOWN)
+    whole = concatenate([known.kinematics, window.kinematics])
+    contacts = np.concatenate([_contacts(known), window.contacts])
+    segments = segment_motion(whole)
+    soles = Soles.of(whole.body, segments)
+    shift, needs = _balanced(whole, segments, soles, contacts, planned)
+    segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
+    at = shift[KNOWN:]
+    window = replace(
+        window,
+        root_position=window.root_position + at,
+        pressure_centres=centres + (at * [1.0, 1.0, 0.0])[:, None],
+    )
+    again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
+    predicted = concatenate([before, window]) if again else window
+    made = slice(KNOWN - again, None)
+    usable = _usable(contacts, soles, REACH)[made]
+    mass, weight = window.body.mass, window.body.mass * GRAVITY
+    assert predicted.wrenches is not None and predicted.pressure_centres is not None
+    ground = ground_share(
+        mass * needs.force[made],
+        mass * needs.moment[made],
+        soles[made],
+        usable,
+        predicted.wrenches,
+        predicted.pressure_centres,
+        weight,
+    )
+    found = _with_forces(predicted, ground, _frames(segments, made))
+    return Delivered(found[:again] if again else before, found[again:])
+
+
+def _low_passed(window: Motion, past: Motion) -> Motion:
+    joints = window.joints.copy()
+    joints[:, _LEGS] = continued(joints[:, _LEGS], past.joints[:, _LEGS], window.fps, CUTOFF)
+    position = continued(window.root_position, past.root_position, window.fps, CUTOFF)
+    return replace(window, joints=joints, root_position=position)
+
+
+def _lengthened(motion: Motion, frames: int) -> Motion:
+    """The motion with its first frame repeated before it: motion before it is taken as even."""
+    missing = frames - len(motion)
+    return motion if missing <= 0 else concatenate([*[motion[:1]] * missing, motion])
+
+
+def _contacts(motion: Motion) -> Flags:
+    """Feet that carry load; both where nothing is known."""
+    return np.ones((len(motion), 2), np.bool_) if motion.contacts is None else motion.contacts
+
+
+def _balanced(
+    whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
+) -> tuple[Float, Needs]:
+    """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
+    at_origin = effort(segments, whole.body).about(np.zeros((len(whole), 3))) / whole.body.mass
+    needs = Needs(
+        known=KNOWN,
+        fps=whole.fps,
+        root=whole.root_position,
+        planned=np.concatenate([np.zeros((KNOWN, 3)), planned]),
+        force=at_origin[:, :3],
+        moment=at_origin[:, 3:],
+        centre=segments.centre,
+    )
+    shift = np.zeros((len(whole), 3))
+    usable = _usable(contacts, soles, STANDING)
+    shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
+    lifted = needs.shifted(shift)
+    level = horizontal_shift(lifted, soles.bounds(usable))
+    shift[:, :2] = level
+    return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
+
+
+def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
+    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12)."""
+    low = soles.height < reach
+    stands = low & contacts[..., None]
+    found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
+    return found
+
+
+def _moved(segments: SegmentMotion, shift: Float, fps: float) -> SegmentMotion:
+    """Segments of a body that is shifted as a whole."""
+    away = shift[:, None]
+    return replace(
+        segments,
+        position=segments.position + away,
+        com=segments.com + away,
+        anchor=segments.anchor + away,
+        acceleration=segments.acceleration + second_derivative(shift, fps)[:, None],
+    )
+
+
+def _with_forces(predicted: Motion, ground: GroundShare, segments: SegmentMotion) -> Motion:
+    """The motion with these ground forces and the torques that they need."""
+    assert predicted.wrenches is not None
+    change = ground.wrenches[..., :3] - predicted.wrenches[..., :3]
+    return replace(
+        predicted,
+        torques=joint_torques(predicted.body, segments, ground.wrenches, ground.centres),
+        wrenches=ground.wrenches,
+        pressure_centres=ground.centres,
+        contacts=ground.wrenches[..., 2] > CONTACT_SHARE * predicted.body.mass * GRAVITY,
+        joint_contact=_joint_contact(predicted, segments, change),
+    )
+
+
+def _frames(segments: SegmentMotion, frames: slice) -> SegmentMotion:
+    return replace(
+        segments,
+        position=segments.position[frames],
+        rotation=segments.rotation[frames],
+        com=segments.com[frames],
+        acceleration=segments.acceleration[frames],
+        angular_momentum_rate=segments.angular_momentum_rate[frames],
+        anchor=segments.anchor[frames],
+        axis=segments.axis[frames],
+    )
+
+
+def _joint_contact(motion: Motion, segments: SegmentMotion, change: Float) -> Float | None:
+    """Contact forces of the legs for ground forces that change by (T, 2, 3) [N], muscle forces unchanged."""
+    if motion.joint_contact is None:
+        return None
+    found, index = motion.joint_contact.copy(), human_model(motion.body).body_index
+    for column, name in enumerate(CONTACT_JOINTS):
+        joint, _, side = name.partition("_")
+        if side:
+            rotation = segments.rotation[:, index[f"{BEYOND[joint][0]}_{side}"]]
+            found[:, column] -= np.einsum("tji,tj->ti", rotation, change[:, SIDES.index(side)])
+    return found

@@ -1,0 +1,186 @@
+"""`ground_share`: ground forces on both feet that a motion needs, as near as possible to those that a model predicts.
+
+What the motion needs of the ground as a whole follows from its accelerations. What it leaves open, how much each foot
+carries and where, is the model's to say. In closed form, frame by frame:
+
+- vertical: the model's shares of the feet and its centres of pressure, moved until together they give the zero-moment
+  point: first the centres, within the soles, then the shares;
+- horizontal: in proportion to the vertical force, plus the model's forces that oppose each other, within friction;
+- moment about the vertical: in proportion likewise, within what friction under the soles can give; the rest by opposed
+  horizontal forces of the two feet.
+
+What no ground can give remains as residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.ground_reaction import GROUND
+from flexmotion.sampling.soles import Soles
+
+Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ROUNDS = 20
+"""Alternations between centres and shares of two feet."""
+
+MET = 5e-4
+"""Distance from the zero-moment point at which a frame is done [m]."""
+
+DAMPED = 1e-4
+"""Square of the share of a sole's extent on the floor below which places along it are damped."""
+
+SLIGHT = 1e-6
+"""Share of the whole force below which there is nothing to share."""
+
+
+@dataclass(frozen=True)
+class GroundShare:
+    """Ground reaction on left and right foot.
+
+    Attributes:
+        wrenches: force, and moment about `centres`, (T, 2, 6) [N, N·m].
+        centres: of pressure, on the floor; below the ankle of a foot in the air, (T, 2, 3) [m].
+    """
+
+    wrenches: Float
+    centres: Float
+
+
+def ground_share(
+    force: Float, moment: Float, soles: Soles, usable: Flags, predicted: Float, centres: Float, weight: float
+) -> GroundShare:
+    """Forces of the ground on both feet.
+
+    Args:
+        force, moment: that the motion needs in all, the moment about the world's origin, (T, 3) [N, N·m].
+        soles: of the motion.
+        usable: whether the ground may act at a point of a sole, (T, 2, 12).
+        predicted: wrenches of a model, (T, 2, 6) [N, N·m].
+        centres: of pressure of the same, (T, 2, 3) [m].
+        weight: of the body [N].
+    """
+    bears: Flags = np.asarray(usable.any(axis=-1))
+    two: Flags = np.asarray(bears.all(axis=1))
+    lift = np.where(bears.any(axis=1), np.maximum(force[:, 2], 0.0), 0.0)
+    lifted = lift > SLIGHT * weight
+    wanted = np.stack([-moment[:, 1], moment[:, 0]], axis=1) / np.where(lifted, lift, 1.0)[:, None]
+    # A foot that bears has a little, so that one that the model forgot can take over.
+    loads = np.where(bears, np.maximum(predicted[..., 2], SLIGHT * weight), 0.0)
+    share = loads / np.maximum(loads.sum(axis=1, keepdims=True), SLIGHT * weight)
+    share, place = _vertical(wanted, soles, usable, share, centres[..., :2], lifted & two)
+    vertical = np.where(lifted[:, None], share * lift[:, None], 0.0)
+    horizontal, twist = _horizontal(force[:, :2], moment[:, 2], vertical, place, _lever(soles, usable), predicted)
+    wrenches = np.zeros((len(force), 2, 6))
+    wrenches[..., :2], wrenches[..., 2], wrenches[..., 5] = horizontal, vertical, twist
+    on_floor = np.zeros((len(force), 2, 3))
+    on_floor[..., :2] = np.where((vertical > 0)[..., None], place, soles.origin)
+    return GroundShare(wrenches, on_floor)
+
+
+def _vertical(
+    wanted: Float, soles: Soles, usable: Flags, share: Float, centres: Float, both: Flags
+) -> tuple[Float, Float]:
+    """Shares of the feet, (T, 2), and their centres of pressure, (T, 2, 2) [m]; `both`: frames with two feet."""
+    away = soles.axes.swapaxes(-1, -2)
+    # Damped: a foot that points straight down has no extent on the floor.
+    back = np.linalg.inv(away @ soles.axes + DAMPED * np.eye(2)) @ away
+    # A foot in the air keeps its lowest point, so that its bounds exist.
+    kept = (usable | (soles.height <= soles.height.min(axis=-1, keepdims=True)))[..., None]
+    low = np.where(kept, soles.lattice, np.inf).min(axis=2)
+    high = np.where(kept, soles.lattice, -np.inf).max(axis=2)
+    local = np.clip(_times(back, centres - soles.origin), low, high)
+    split = _Split(wanted, soles.origin, soles.axes, back, low, high, both)
+    # One foot alone is done in one step.
+    share, local = split.alternated(share, local, 1)
+    place = soles.origin + _times(soles.axes, local)
+    late = np.flatnonzero(both & (np.abs(wanted - (share[..., None] * place).sum(axis=1)).max(axis=1) > MET))
+    if len(late):
+        share[late], local[late] = split[late].alternated(share[late], local[late], ROUNDS)
+        place = soles.origin + _times(soles.axes, local)
+    return share, place
+
+
+@dataclass(frozen=True)
+class _Split:
+    """What the vertical force of two feet is to give, and where they can: see `_vertical`."""
+
+    wanted: Float
+    origin: Float
+    axes: Float
+    back: Float
+    low: Float
+    high: Float
+    both: Flags
+
+    def __getitem__(self, frames: NDArray[np.intp]) -> _Split:
+        """Some frames of it."""
+        return _Split(**{item.name: getattr(self, item.name)[frames] for item in fields(self)})
+
+    def alternated(self, share: Float, local: Float, rounds: int) -> tuple[Float, Float]:
+        """Centres of pressure, then shares, moved towards the zero-moment point, in turn."""
+        place = self.origin + _times(self.axes, local)
+        for _ in range(rounds):
+            missing = self.wanted - (share[..., None] * place).sum(axis=1)
+            step = (share / np.maximum((share**2).sum(axis=1, keepdims=True), SLIGHT))[..., None] * missing[:, None]
+            local = np.minimum(np.maximum(local + _times(self.back, step), self.low), self.high)
+            place = self.origin + _times(self.axes, local)
+            missing = self.wanted - (share[..., None] * place).sum(axis=1)
+            apart = place[:, 0] - place[:, 1]
+            change = (missing * apart).sum(axis=1) / np.maximum((apart**2).sum(axis=1), SLIGHT)
+            left = np.minimum(np.maximum(share[:, 0] + np.where(self.both, change, 0.0), 0.0), 1.0)
+            share = np.where(self.both[:, None], np.stack([left, 1.0 - left], axis=1), share)
+        return share, local
+
+
+def _times(matrix: Float, vector: Float) -> Float:
+    """Products of (..., 2, 2) and (..., 2)."""
+    found: Float = (matrix @ vector[..., None])[..., 0]
+    return found
+
+
+def _horizontal(
+    force: Float, moment: Float, vertical: Float, place: Float, lever: Float, predicted: Float
+) -> tuple[Float, Float]:
+    """Horizontal forces, (T, 2, 2) [N], and moments about the vertical, (T, 2) [N·m]."""
+    lift = vertical.sum(axis=1)
+    share = vertical / np.where(lift > 0, lift, 1.0)[:, None]
+    limit = GROUND.friction * vertical
+    size = np.linalg.norm(force, axis=1)
+    given = force * np.minimum(1.0, GROUND.friction * lift / np.maximum(size, SLIGHT))[:, None]
+    common = share[..., None] * given[:, None]
+    sum_predicted = predicted[..., :2].sum(axis=1)
+    opposed = predicted[:, 0, :2] - share[:, :1] * sum_predicted
+    both: Flags = np.asarray((vertical > 0).all(axis=1))
+    opposed = _within_friction(np.where(both[:, None], opposed, 0.0), common, limit)
+    horizontal = common + np.stack([opposed, -opposed], axis=1)
+
+    needed = moment - (place[..., 0] * horizontal[..., 1] - place[..., 1] * horizontal[..., 0]).sum(axis=1)
+    twist_limit = GROUND.friction * vertical * lever
+    twist = np.clip(share * needed[:, None], -twist_limit, twist_limit)
+    # The rest by opposed forces across the line between the feet.
+    apart = place[:, 0] - place[:, 1]
+    across = np.stack([-apart[:, 1], apart[:, 0]], axis=1) / np.maximum((apart**2).sum(axis=1), SLIGHT)[:, None]
+    rest = np.where(both, needed - twist.sum(axis=1), 0.0)
+    pair = _within_friction(across * rest[:, None], horizontal, limit)
+    return horizontal + np.stack([pair, -pair], axis=1), twist
+
+
+def _within_friction(opposed: Float, common: Float, limit: Float) -> Float:
+    """Opposed forces (T, 2) reduced until the force of neither foot exceeds its friction."""
+    room = np.maximum(limit - np.linalg.norm(common, axis=-1), 0.0).min(axis=1)
+    size = np.linalg.norm(opposed, axis=1)
+    found: Float = opposed * np.minimum(1.0, room / np.maximum(size, SLIGHT))[:, None]
+    return found
+
+
+def _lever(soles: Soles, usable: Flags) -> Float:
+    """Mean distance of the usable points from their centre, (T, 2) [m]: lever of friction about it."""
+    weight = usable / np.maximum(usable.sum(axis=-1, keepdims=True), 1)
+    middle = (weight[..., None] * soles.points).sum(axis=2, keepdims=True)
+    found: Float = (weight * np.linalg.norm(soles.points - middle, axis=-1)).sum(axis=-1)
+    return found

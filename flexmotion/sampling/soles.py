@@ -1,0 +1,87 @@
+"""`Soles`: where the ground can act on the feet of a motion, frame by frame, in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.segment_motion import SegmentMotion
+from flexmotion.biomechanics.sole import sole_grid
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import human_model
+from flexmotion.human.skeleton import SIDES
+
+Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+DIRECTIONS = 32
+"""Directions in which the region under the soles is bounded: a polygon that exceeds it by .5 % of a distance."""
+
+_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+OUTWARD = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+"""Unit vectors of those directions, (2, 32)."""
+
+NOWHERE = -1e3
+"""Bound of a region without points [m]."""
+
+
+@dataclass(frozen=True)
+class Soles:
+    """Soles of left and right foot over a floor at z = 0.
+
+    The point x, y of a sole, x from the heel to the toes, is at `origin + axes @ (x, y)` on the floor.
+
+    Attributes:
+        origin: point of the floor below the sole's origin, (T, 2, 2) [m].
+        axes: x and y of the sole on the floor as columns, shortened by its tilt, (T, 2, 2, 2).
+        lattice: coordinates of the points of a sole, (12, 2) [m].
+        points: those points on the floor, (T, 2, 12, 2) [m].
+        height: of the points, (T, 2, 12) [m].
+    """
+
+    origin: Float
+    axes: Float
+    lattice: Float
+    points: Float
+    height: Float
+
+    @classmethod
+    def of(cls, body: Body, segments: SegmentMotion) -> Soles:
+        """Soles of a motion."""
+        index = human_model(body).body_index
+        feet = [index[f"calcaneus_{side}"] for side in SIDES]
+        rotation, ankle, grid = segments.rotation[:, feet], segments.position[:, feet], sole_grid(body)
+        points = ankle[:, :, None] + grid @ rotation.swapaxes(-1, -2)
+        return cls(
+            origin=ankle[..., :2] + grid[0, 2] * rotation[..., :2, 2],
+            axes=rotation[..., :2, :2],
+            lattice=grid[:, :2],
+            points=points[..., :2],
+            height=points[..., 2],
+        )
+
+    def __getitem__(self, frames: slice) -> Soles:
+        """The soles of some frames."""
+        return Soles(self.origin[frames], self.axes[frames], self.lattice, self.points[frames], self.height[frames])
+
+    def moved(self, shift: Float) -> Soles:
+        """The soles of a body that is shifted as a whole, by (T, 3) [m]."""
+        away = shift[:, None, :2]
+        return replace(
+            self,
+            origin=self.origin + away,
+            points=self.points + away[:, :, None],
+            height=self.height + shift[:, None, None, 2],
+        )
+
+    def bounds(self, usable: Flags) -> Float:
+        """Greatest distance of a usable point along every direction of `OUTWARD`, (T, 32) [m].
+
+        Args:
+            usable: whether the ground can act at a point, (T, 2, 12).
+        """
+        along = self.points.reshape(len(usable), -1, 2) @ OUTWARD
+        found: Float = np.where(usable.reshape(len(usable), -1, 1), along, NOWHERE).max(axis=1)
+        return found
