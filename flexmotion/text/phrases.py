@@ -53,12 +53,18 @@ def wordings(kind: str) -> tuple[str, ...]:
 
 def verbs(kind: str) -> tuple[str, ...]:
     """Verbs of a kind of motion that has wordings."""
-    return tuple(_table()[kind]["verbs"])
+    return tuple(_table()[ALIASES.get(kind, kind)]["verbs"])
 
 
 def moves_head(kind: str) -> bool:
     """Whether a kind of motion is one of the head."""
     return bool(_table().get(kind, {}).get("head", False))
+
+
+def limbs(kind: str) -> frozenset[str] | None:
+    """Groups of limbs that a kind of motion is made with; None: any."""
+    row = _table().get(ALIASES.get(kind, kind), {})
+    return frozenset(row["limbs"]) if "limbs" in row else None
 
 
 def is_sudden(kind: str) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.text.limbs import limb_refusal
 from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
 from flexmotion.text.manner_reader import HeardManner, MannerReader
@@ -94,8 +95,8 @@ class PromptReader:
     A listener classifies the sentence by kind of motion, and its embedding is replaced by a mixture of known wordings
     of that kind, weighted by likeness, so that the denoiser only receives embeddings like those of its training. Kinds
     are not mixed: "to your left" is nearly as near to "turn right" as to "turn left". Known wordings are not
-    classified. The manner is heard apart from the kind. Sentences that are not understood, prohibitions, and kinds that
-    the model does not offer mean standing still; manners that it does not offer are dropped.
+    classified. The manner is heard apart from the kind. Sentences that are not understood or name a limb that the
+    motion does not use, prohibitions, and kinds that the model does not offer mean standing still; manners that it does not offer are dropped.
 
     Args:
         folder: of the sentence encoder.
@@ -146,6 +147,9 @@ class PromptReader:
         if forbids(plain, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
             return Prompt(self.idle.embedding, STAND, best, True, warning, share)
+        if (reason := limb_refusal(plain, kind)) is not None:
+            warning = f"{sentence!r}: {reason}; the model stands still; {self._offer(likeness)}"
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if kind not in self.offered:
             name = kind.replace("-", " ")
             warning = f"{sentence!r}: this model cannot {name} yet, it stands still; {self._offer(likeness)}"

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
-from flexmotion.streamer.gateway.messages import Answer, Message
+from flexmotion.streamer.gateway.messages import Answer, Message, StopMessage, TextMessage
 from flexmotion.streamer.motion.heard import HeardStep
 from flexmotion.streamer.motion.intents import Intent
+from flexmotion.text.alarm import is_alarm
 
 Reply = Callable[[Answer], None]
 
 _SOURCES = 256
 """Sources whose sequence numbers are remembered."""
+
+TYPED_STOP = "taken as STOP: targets are refused until `clear`; EMERGENCY STOP is its own button, or `flexmotion estop`"
+"""What is answered to words of alarm. They are told from others by a list of words: no emergency stop depends on it."""
 
 
 @dataclass
@@ -31,6 +36,17 @@ class Asked:
     holds_s: float = math.inf
     tick: int = -1
     """Of a request: the tick before which the loop took it."""
+    known: dict[str, Any] = field(default_factory=dict)
+    """Fields of the answer that are known before."""
+
+
+def asked_of(message: Message, reply: Reply, since_s: float) -> Asked:
+    """A message that has arrived; words of alarm are a STOP, which needs no lease and no order of arrival."""
+    if not (isinstance(message, TextMessage) and is_alarm(message.text)):
+        return Asked(message, reply, since_s)
+    stop = StopMessage(id=message.id, source=message.source, sequence=message.sequence)
+    known = {"asked": message.type, "heard_as": "stop", "notes": (TYPED_STOP,)}
+    return Asked(stop, reply, since_s, known=known)
 
 
 @dataclass(frozen=True)

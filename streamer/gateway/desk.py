@@ -18,7 +18,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
+from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences, asked_of
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
@@ -136,7 +136,7 @@ class Desk:
             self.reject("not valid")
             reply(self._counted(error.answer))
             return
-        self._take(Asked(message, reply, time.perf_counter()), sender)
+        self._take(asked_of(message, reply, time.perf_counter()), sender)
 
     def forget(self, sender: Hashable) -> None:
         """A connection is closed: the next one of this name counts its messages anew."""
@@ -326,7 +326,7 @@ class Desk:
                 "state": state,
                 "reason": reason,
                 "took_lease_from": asked.took_from,
-                **known,
+                **(asked.known | known),
             }
         )
         asked.reply(self._counted(answer))

@@ -17,6 +17,7 @@ from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text
 from flexmotion.streamer.motion.measured_steps import RefusedError, fits, measured
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
+from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import with_side
@@ -48,6 +49,8 @@ class Hearing:
             last: what "again" repeats; None: nothing yet.
         """
         match intent:
+            case Text(text) if is_alarm(text):
+                return self._alarmed(text)
             case Text(text):
                 return self._sentence(text, under_way, last)
             case Velocity(forward, left, turning):
@@ -136,6 +139,13 @@ class Hearing:
             reason=whole,
         )
         return Program((self._standing(sentence),), heard)
+
+    def _alarmed(self, sentence: str) -> Program:
+        """Of a script: the gateway has made a STOP of such words before they come here."""
+        step = self._standing(sentence)
+        notes = ("taken as a stand; an emergency stop is not asked for in words",)
+        heard = Heard(asked=sentence, state="accepted", heard_as=STAND, certainty=1.0, notes=notes, steps=(step.told,))
+        return Program((step,), heard)
 
     def _standing(self, sentence: str) -> Step:
         told = HeardStep(text=sentence, heard_as=STAND, certainty=1.0)

@@ -5,13 +5,19 @@ from __future__ import annotations
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.speeds import Model
+from flexmotion.text.alarm import is_alarm
 from flexmotion.text.prompt_reader import SAME
 
 
 def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
     """Message about an intent: what words are taken for, a slower velocity; None: there is none."""
     heard = program.heard
-    if not isinstance(intent, Text) or not program.is_open or heard.state not in ("accepted", "slowed"):
+    if (
+        not isinstance(intent, Text)
+        or not program.is_open
+        or heard.state not in ("accepted", "slowed")
+        or is_alarm(intent.text)
+    ):
         return heard.told()
     # A sentence is taken for one kind of motion, which may not be the one that was meant.
     prompt = model.prompt(intent.text)

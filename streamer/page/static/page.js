@@ -50,6 +50,7 @@ async function start() {
   document.title = `${robot.name} · FlexMotion`;
   curves = new Curves(1000 / robot.rate_hz);
   scene = new Scene(element("scene"), robot);
+  document.documentElement.classList.toggle("undrawn", !scene.renderer);
   scene.paint();
   scene.pickedUp = () => {
     if (robot.driver === "sim") panel.tell(PICKED_UP, PICKED_UP_MS);

@@ -10,14 +10,14 @@ const PATH_MEAN_S = 1.0; // its sway from foot to foot is no part of the way
 const HALO_M = 0.004;
 const JUMP = 0.4, RISE = 0.08; // of its height: between two pictures it cannot go so far, and without torque not rise so much
 
+// It knows where the robot is also in a browser that cannot draw it: steering goes on there.
 export class Scene {
   // robot: what /robot gives.
   constructor(canvas, robot) {
     this.robot = robot;
     this.height = robot.height_m;
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
-    this.renderer.shadowMap.enabled = true;
+    this.renderer = rendererOn(canvas);
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.02, 60);
     this.camera.up.set(0, 0, 1);
@@ -299,6 +299,7 @@ export class Scene {
   }
 
   fit() {
+    if (!this.renderer) return;
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
@@ -313,7 +314,7 @@ export class Scene {
 
   // Draws where anything has changed: a page that shows a robot at rest costs nothing.
   draw() {
-    if (!this.controls.update() && !this.changed) return;
+    if (!this.renderer || (!this.controls.update() && !this.changed)) return;
     this.changed = false;
     this.renderer.render(this.scene, this.camera);
   }
@@ -321,6 +322,18 @@ export class Scene {
   // Place of a body of the measured robot in the world [m]; for tests.
   bodyPosition(name) {
     return this.measured.bodies[this.robot.bodies.indexOf(name)].position.toArray();
+  }
+}
+
+// null: the browser has no WebGL, or has it switched off.
+function rendererOn(canvas) {
+  try {
+    const renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    renderer.shadowMap.enabled = true;
+    return renderer;
+  } catch (error) {
+    console.warn(`The robot is not drawn: ${error.message}`);
+    return null;
   }
 }
 

@@ -419,3 +419,27 @@ def test_a_planner_that_died_is_the_cause_of_the_stand_that_follows(make_office:
     office.run.telemetry.emit(office.run.tick, "state", "HOLD -> STREAMING")
     office.desk.pump()
     assert office.desk.cause.text is None
+
+
+@pytest.mark.parametrize("words", ["emergency stop", "e-stop", "halt", "stop!"])
+def test_words_of_alarm_stop_the_robot_whoever_holds_the_lease(make_office: Make, words: str) -> None:
+    """ "Emergency stop" was answered `accepted`, with the note that it "is a prohibition", and stopped nothing."""
+    office = make_office()
+    office.ask('{"type":"text","text":"wave","source":"another","sequence":9}')
+    office.run.arrived()
+    requests = office.requests.reader()
+    office.ask(f'{{"type":"text","text":"{words}","id":"s","source":"page","sequence":3}}')
+    assert requests.read() == [(Request.STOP, "page: stop")] and office.run.arrived() == []
+    office.run.take(Request.STOP)
+    office.desk.pump()
+    answer = office.told[-1]
+    assert (answer.id, answer.asked, answer.state, answer.heard_as) == ("s", "text", "accepted", "stop")
+    assert answer.notes is not None and "EMERGENCY STOP is its own button" in answer.notes[0]
+    # It latches as the button does.
+    assert office.desk.following is None and office.run.stopped
+
+
+def test_stop_by_itself_is_a_target_as_before(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"text","text":"stop"}')
+    assert [target.intent for target in office.run.arrived()] == [Text("stop")]

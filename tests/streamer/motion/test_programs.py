@@ -17,6 +17,7 @@ from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, m
 from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import LONGEST_TEXT, Text, Velocity
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program
+from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.text.phrases import STAND
 
@@ -77,6 +78,14 @@ def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
     """What follows a step that cannot be done would be done in another place than it was meant for."""
     program = hear(hearing, "wave, then jump over the gap, then walk two metres")
     assert program.heard.state == "refused" and "jump" in str(program.heard.reason) and not moves(program)
+
+
+def test_an_emergency_stop_in_a_script_is_a_stand_and_says_what_it_is_not(hearing: Hearing) -> None:
+    """It was told as "a prohibition"."""
+    program = hear(hearing, "emergency stop")
+    told = remark_on(hearing.model, Text("emergency stop"), program)
+    assert program.heard.state == "accepted" and not moves(program)
+    assert "taken as a stand" in str(told) and "prohibition" not in str(told)
 
 
 def test_a_velocity_is_answered_too(hearing: Hearing) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -30,19 +30,20 @@ if TYPE_CHECKING:
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """WebGL without a graphics card."""
+WITHOUT_WEBGL = ("--disable-3d-apis",)
 ADDRESS = "http://127.0.0.1:8790/"
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 
 
 @contextmanager
-def browser_page(**options: Any) -> Iterator[Page]:
-    """An empty page of a headless Chromium, which draws with the processor."""
+def browser_page(flags: Sequence[str] = FLAGS, **options: Any) -> Iterator[Page]:
+    """An empty page of a headless Chromium, which draws with the processor unless `flags` say otherwise."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         pytest.skip(f"no browser on the path: {', '.join(BROWSERS)}")
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     with api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=browser, args=FLAGS, timeout=1e3 * HANGING_S)
+        chromium = playwright.chromium.launch(executable_path=browser, args=flags, timeout=1e3 * HANGING_S)
         try:
             page = chromium.new_page(**options)
             page.set_default_timeout(1e3 * HANGING_S)
