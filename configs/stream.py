@@ -128,7 +128,8 @@ class StreamSettings(Strict):
         lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
         dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
         effort_limit: greatest share of the servos' envelope that a plan may need, by inverse dynamics; a motion beyond
-            it is slowed, then made smaller, then refused. 1: the envelope itself; null: plans are not judged.
+            it is slowed, then made smaller; refused where a joint would fall behind too far all the same. 1: the
+            envelope itself; null: plans are not judged.
         blend_frames: frames of human motion over which a new plan is blended in.
         wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
             setting; 0: they do not sleep; null: no limit, which draws less power.

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from flexmotion.retarget.effort import Effort
 
 LEAST_PACE, LEAST_SIZE = 0.6, 0.4
-"""A human is slowed to this share of its pace at most, then made smaller to this share: with less it is refused."""
+"""A human is slowed to this share of its pace at most, and made smaller to this share."""
 _PACE_STEP, _SIZE_STEP = 0.8, 0.75
 """Largest step of one draft: pace and size change the load of the next steps, not of those that are settled."""
+_LEAST_STEP = 0.95
+"""Smallest step of one draft, as a share."""
 _RELAX = 1.15
 """Growth from one plan to the next, while there is room."""
 _ROOM = 0.85
 """Load over the one allowed, below which the next plan is eased less: torques of motion grow with the square."""
-DRAFTS = 3
-"""Drafts of one plan at most: each takes as long as a plan without easing."""
 
 
 @dataclass(frozen=True)
@@ -31,24 +31,22 @@ class Ease:
     size: float = 1.0
 
     @property
-    def least(self) -> bool:
-        """Whether the motion can be eased no further."""
-        return self.pace <= LEAST_PACE and self.size <= LEAST_SIZE
-
-    @property
     def whole(self) -> bool:
         """Whether nothing is eased."""
         return self.pace >= 1.0 and self.size >= 1.0
 
-    def harder(self, effort: Effort, allowed: float) -> Ease:
-        """The ease of the next draft, for a plan whose effort is above what is allowed: first slower, then smaller.
+    def slower(self, effort: Effort, allowed: float) -> Ease:
+        """For a plan whose effort is above what is allowed; the same where it can be slowed no further.
 
         The torque of motion grows with the square of its pace, so the root of what is too much is taken off.
         """
-        share = (allowed / effort.load) ** 0.5
-        if self.pace > LEAST_PACE:
-            return replace(self, pace=max(self.pace * max(min(share, 0.95), _PACE_STEP), LEAST_PACE))
-        return replace(self, size=max(self.size * max(min(share, 0.95), _SIZE_STEP), LEAST_SIZE))
+        share = min((allowed / effort.load) ** 0.5, _LEAST_STEP)
+        return replace(self, pace=max(self.pace * max(share, _PACE_STEP), min(LEAST_PACE, self.pace)))
+
+    def smaller(self, effort: Effort, allowed: float) -> Ease:
+        """Likewise; the same where it can be made no smaller."""
+        share = min(allowed / effort.load, _LEAST_STEP)
+        return replace(self, size=max(self.size * max(share, _SIZE_STEP), min(LEAST_SIZE, self.size)))
 
     def relaxed(self, effort: Effort, allowed: float) -> Ease:
         """The ease with which the next plan begins: less, where this one leaves room; first larger, then faster."""
@@ -71,7 +69,8 @@ class Eased:
         ease: of the plan.
         drafts: how many were made.
         effort: of the plan; `first`: of the first draft, before it was eased any further.
-        refused: the motion is beyond the envelope at its least ease: the plan comes to a stop instead.
+        refused: no easing helped, and a joint would fall behind too far: the plan comes to a stop instead.
+        lag: how far it would have fallen behind; 0 where that was not asked [rad].
     """
 
     ease: Ease
@@ -79,3 +78,4 @@ class Eased:
     effort: Effort
     first: Effort
     refused: bool = False
+    lag: float = 0.0

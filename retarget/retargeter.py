@@ -20,13 +20,15 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
-from flexmotion.retarget.easing import DRAFTS, WHOLE, Ease, Eased
+from flexmotion.retarget.drafting import best_draft
+from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
+from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.retarget.state import RetargetState, StateLayout
 from flexmotion.retarget.torques import JointTorques
 from flexmotion.retarget.view import HumanView, forget_human, view_human
@@ -74,7 +76,7 @@ class Retargeter:
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         self.walks = WalkPlanner(self.gait, self.footsteps, absorber, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
-        self.envelope = Envelope.of(robot)
+        self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
         self.legs = np.concatenate([leg.indices for leg in self.body.legs])
 
     def _upright(self, height: float) -> Float:
@@ -140,19 +142,21 @@ class Retargeter:
             return whole(motion, first_frame, WHOLE)
         now = self.layout.view(state.copy())
         begins = changeable(now.steps.steps(), tick, self.rate)
-        judged: list[Effort] = []
-        ease = Ease(*now.ease)
-        while True:
+
+        def make(ease: Ease) -> tuple[Plan, Effort]:
             plan = whole(motion, first_frame, ease)
-            judged.append(effort(self.envelope, self.legs, plan.torque, plan.qd, begins, plan.stop_row))
-            if judged[-1].load <= allowed or ease.least or len(judged) == DRAFTS:
-                break
-            ease = ease.harder(judged[-1], allowed)
-        refused = judged[-1].load > allowed and ease.least
+            return plan, effort(self.envelope, self.legs, plan.torque, plan.qd, begins, plan.stop_row)
+
+        best = best_draft(make, Ease(*now.ease), allowed)
+        plan, lag = best.plan, 0.0
+        if best.effort.load > allowed:
+            rows = slice(best.plan.stop_row)
+            lag = float(np.abs(servo_lag(self.robot, self.envelope, plan.torque[rows], plan.qd[rows])).max())
+        refused = lag > self.allowed_lag
         if refused:
-            plan = whole(None, first_frame, ease)
-        self.layout.view(plan.states).ease = np.array(astuple(ease.relaxed(judged[-1], allowed)))
-        return replace(plan, eased=Eased(ease, len(judged), judged[-1], judged[0], refused))
+            plan = whole(None, first_frame, best.ease)
+        self.layout.view(plan.states).ease = np.array(astuple(best.ease.relaxed(best.effort, allowed)))
+        return replace(plan, eased=Eased(best.ease, best.drafts, best.effort, best.first, refused, lag))
 
     def _draft(
         self,

@@ -11,8 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.heat import endurance
 from flexmotion.configs.robot import Robot
-from flexmotion.retarget.legs import Leg
-from flexmotion.streamer.checks.servo_lag import servo_lag
+from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.streamer.planning.offline import Trajectory
 from flexmotion.streamer.report.figure import Figure, Maybe
 
@@ -106,15 +105,6 @@ class TorqueCheck(BaseModel):
     def json_text(self) -> str:
         """The result as JSON, keys in the order of the schema."""
         return self.model_dump_json(by_alias=True, indent=2)
-
-
-def allowed_lag(robot: Robot) -> float:
-    """Angle by which a joint may lag behind its plan for lack of torque [rad].
-
-    A knee that lags by this angle moves the foot, at the end of the shank, by the clearance of a swing: with more, the
-    foot strikes the floor in its swing.
-    """
-    return robot.gait.clearance / Leg.of(robot, "left").shank
 
 
 def check_trajectory(trajectory: Trajectory, robot: Robot, source: str, supply: float | None = None) -> TorqueCheck:

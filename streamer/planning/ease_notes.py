@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -60,15 +61,17 @@ class EaseNote:
 
 
 class EaseNotes:
-    """Tells each further degree of easing once, until the motion has gone on as asked for a while."""
+    """Tells each further degree of easing once for each target, until the motion has gone on as asked for a while."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self._told, self._eased_tick = Degree.WHOLE, 0
+        self._told, self._eased_tick, self._target = Degree.WHOLE, 0, 0
 
-    def of(self, plan: Plan) -> EaseNote | None:
-        """What there is to tell of a new plan; None: nothing new."""
+    def of(self, plan: Plan, target: int = 0) -> EaseNote | None:
+        """What there is to tell of a new plan, which follows the target of this id; None: nothing new."""
         eased = plan.eased
+        if target != self._target:
+            self._told, self._target = Degree.WHOLE, target
         if eased is None:
             return None
         degree = Degree.of(eased)
@@ -88,7 +91,8 @@ class EaseNotes:
         at_s = (plan.start_tick + most.row) / self.robot.rate_hz
         needs = f"{joint} needs {most.load:.2f} times its servo's envelope ({most.torque:.2f} N·m) at {at_s:.2f} s"
         if degree is Degree.REFUSED:
-            return f"refused, the robot comes to a stand: at its least pace and size, {needs}"
+            behind = f"falls {math.degrees(eased.lag):.0f}° behind, however it is eased"
+            return f"refused, the robot comes to a stand: {needs} and {behind}"
         return f"{_slowed(eased, degree)}: {needs}"
 
 

@@ -186,7 +186,7 @@ class Replanner:
 
     def _tell_eased(self, plan: Plan, target: int) -> None:
         """Tell where a plan had to be eased; a target that is refused for it is followed no longer."""
-        note = self._ease_notes.of(plan)
+        note = self._ease_notes.of(plan, target)
         if note is None:
             return
         self.on_note(note.message)

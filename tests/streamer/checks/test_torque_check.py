@@ -12,8 +12,8 @@ from rich.console import Console
 from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
-from flexmotion.streamer.checks.servo_lag import servo_lag
-from flexmotion.streamer.checks.torque_check import TorqueCheck, allowed_lag, check_trajectory
+from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
+from flexmotion.streamer.checks.torque_check import TorqueCheck, check_trajectory
 from flexmotion.streamer.checks.torque_text import render_check
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.motion.sources import ClipSource

@@ -56,6 +56,13 @@ def test_it_is_told_again_after_the_motion_went_on_as_asked_for_a_while() -> Non
     assert notes.of(plan(4.75, Ease(0.8))) is not None
 
 
+def test_it_is_told_anew_for_a_new_target() -> None:
+    notes = EaseNotes(ROBOT)
+    assert notes.of(plan(1.0, Ease(0.8)), 3) is not None
+    assert notes.of(plan(1.25, Ease(0.8)), 3) is None
+    assert notes.of(plan(1.5, Ease(0.8)), 4) is not None
+
+
 def test_plans_that_are_not_judged_tell_nothing() -> None:
     assert EaseNotes(ROBOT).of(plan(0.0, WHOLE, judged=False)) is None
 

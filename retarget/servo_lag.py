@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot
+from flexmotion.retarget.legs import Leg
 
 Float = NDArray[np.float64]
 
@@ -42,3 +43,12 @@ def servo_lag(robot: Robot, envelope: Envelope, torque: Float, speed: Float) -> 
             lag += step * rate
         found[k] = lag
     return found
+
+
+def allowed_lag(robot: Robot) -> float:
+    """Angle by which a joint may lag behind its plan for lack of torque [rad].
+
+    A knee that lags by this angle moves the foot, at the end of the shank, by the clearance of a swing: with more, the
+    foot strikes the floor in its swing.
+    """
+    return robot.gait.clearance / Leg.of(robot, "left").shank
