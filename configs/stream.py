@@ -128,6 +128,7 @@ class StreamSettings(Strict):
         lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
         dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
+        mirror_blend_frames: likewise, of a person who is mirrored: plans come more often, and each knows more.
         wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
             setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
@@ -144,6 +145,7 @@ class StreamSettings(Strict):
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     blend_frames: int = Field(default=8, ge=0)
+    mirror_blend_frames: int = Field(default=1, ge=0)
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
     gateway: Gateway = Gateway()
