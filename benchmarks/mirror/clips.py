@@ -87,7 +87,7 @@ def feet_delays(motion: Motion, record: RunTrace, begin_s: float) -> tuple[list[
     robot, delays, dropped = lifts(record.contact_ref, record.rate_hz), [], 0
     for side in (0, 1):
         human = [begin_s + at for foot, at in lifts(contacts, motion.fps, LEAST_SWING_S) if foot == side]
-        for at, following in zip(human, [*human[1:], np.inf], strict=True):
+        for at, following in zip(human, [*human[1:], np.inf][: len(human)], strict=True):
             if at < begins:
                 continue
             end = min(following - EARLY_S, at + LATEST_S)

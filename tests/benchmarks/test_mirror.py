@@ -56,6 +56,7 @@ def test_the_robots_steps_are_those_of_the_human_somewhat_later() -> None:
         lift = round((1.0 + at + 0.3) * 125)
         record.contact_ref[lift : lift + 20, side] = False
     delays, dropped = feet_delays(motion, record, 1.0)
+    assert feet_delays(default_clip()[100:130], record, 1.0) == ([], 0)  # no steps
     assert dropped == 1 and delays == pytest.approx([0.3] * (len(human) - 1), abs=0.01)
 
 
