@@ -131,6 +131,7 @@ class StreamSettings(Strict):
             it is slowed, then made smaller; refused where a joint would fall behind too far all the same. 1: the
             envelope itself; null: plans are not judged.
         blend_frames: frames of human motion over which a new plan is blended in.
+        mirror_blend_frames: likewise, of a person who is mirrored: plans come more often, and each knows more.
         wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
             setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
@@ -148,6 +149,7 @@ class StreamSettings(Strict):
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     effort_limit: float | None = Field(default=None, gt=0)
     blend_frames: int = Field(default=8, ge=0)
+    mirror_blend_frames: int = Field(default=1, ge=0)
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
     gateway: Gateway = Gateway()

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.shared.at_use import AtUse
 from benchmarks.shared.outcome import Outcome, Verdict
 from benchmarks.shared.wire import mirrored, over_the_wire
 from flexmotion.configs.errors import ConfigError
+from flexmotion.drivers.realtime.ring import Reader
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.kinematics import forward
@@ -27,9 +29,12 @@ from flexmotion.importers import read
 from flexmotion.streamer import api
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.mirror.clip_frames import clip_frames
+from flexmotion.streamer.mirror.intake import Intake
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.person_channel import pose_of
 from flexmotion.streamer.motion.prediction import HeldSpeed, ModelPrediction, Predictor
 from flexmotion.streamer.outcome import outcome
+from flexmotion.streamer.run.session import Session
 
 Float = NDArray[np.float64]
 
@@ -82,7 +87,7 @@ def feet_delays(motion: Motion, record: RunTrace, begin_s: float) -> tuple[list[
     robot, delays, dropped = lifts(record.contact_ref, record.rate_hz), [], 0
     for side in (0, 1):
         human = [begin_s + at for foot, at in lifts(contacts, motion.fps, LEAST_SWING_S) if foot == side]
-        for at, following in zip(human, [*human[1:], np.inf], strict=True):
+        for at, following in zip(human, [*human[1:], np.inf][: len(human)], strict=True):
             if at < begins:
                 continue
             end = min(following - EARLY_S, at + LATEST_S)
@@ -110,6 +115,24 @@ def foreseen_errors(poses: Motion, predictor: Predictor, every: int = 10) -> Flo
     return np.array(errors).reshape(-1, len(ahead))
 
 
+class PosesKept:
+    """All poses of a person in a run."""
+
+    def __init__(self) -> None:
+        self.poses: list[Motion] = []
+        self._reader: Reader | None = None
+
+    def watch(self, session: Session) -> None:
+        """Take what is new; to be called before each tick."""
+        assert isinstance(session.source, MirrorSource)
+        self._reader = self._reader or session.source.channel.reader()
+        self.poses.extend(pose_of(row).motion for row in self._reader.read())
+
+
+def _mean_cm(metres: list[float]) -> float | None:
+    return round(100.0 * float(np.mean(metres)), 2) if metres else None
+
+
 def main(
     clips: Annotated[Path, typer.Option(help="Folder of BVH files; those held out from training are taken.")],
     count: Annotated[int, typer.Option(min=1, help="Number of clips.")] = 20,
@@ -126,13 +149,11 @@ def main(
         motion = read(file).motion
         frames = clip_frames(motion)
         arrivals = over_the_wire(frames, begin_s=BEGIN_S, lost=lost, jitter_s=jitter_s, seed=seed + number)
-        kept: list[Motion] = []
-        reader: Any = None
+        kept, used = PosesKept(), AtUse(motion, BEGIN_S)
 
-        def watch(session: Any, _intake: Any, kept: list[Motion] = kept) -> None:
-            nonlocal reader
-            reader = session.source.channel.reader() if reader is None else reader
-            kept.extend(pose_of(row).motion for row in reader.read())
+        def watch(session: Session, _intake: Intake, kept: PosesKept = kept, used: AtUse = used) -> None:
+            kept.watch(session)
+            used.watch(session)
 
         session, intake = mirrored(arrivals, BEGIN_S + frames[-1][0] + END_S, seed=seed + number, each_tick=watch)
         found = outcome(session)
@@ -144,13 +165,14 @@ def main(
                 "violations": found.report.limits.violations_sent,
                 "delays_s": [round(delay, 3) for delay in delays],
                 "dropped": dropped,
-                "poses": len(kept),
+                "poses": len(kept.poses),
+                "at_use_cm": {"hands": _mean_cm(used.hands), "feet": _mean_cm(used.feet)},
                 "refused": sum(intake.person.refused.values()),
             }
         )
-        if kept:
+        if kept.poses:
             for name, predictor in predictors.items():
-                errors[name].append(foreseen_errors(concatenate(kept), predictor))
+                errors[name].append(foreseen_errors(concatenate(kept.poses), predictor))
         typer.echo(f"{file.stem}: {rows[-1]}", err=True)
     return judged(rows, {name: np.concatenate(found) for name, found in errors.items()})
 

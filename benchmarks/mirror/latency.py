@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -99,8 +99,14 @@ def main(
     cells = (p50, p95, most, *parts.values())
     table.add_row(str(len(waited_ms)), *(f"{cell:.0f}" for cell in cells), session.scheduling, f"{load:.1f}")
     Console(width=120).print(table)
-    figures = {"frames": len(waited_ms), "p50_ms": float(p50), "p95_ms": float(p95), "max_ms": float(most)}
-    figures |= parts | {
+    figures: dict[str, Any] = {
+        "frames": len(waited_ms),
+        "p50_ms": float(p50),
+        "p95_ms": float(p95),
+        "max_ms": float(most),
+    }
+    figures |= {
+        **parts,
         "scheduling": session.scheduling,
         "load": load,
         "model": foreseen,

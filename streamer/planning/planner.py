@@ -15,6 +15,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.view import begin_human
 from flexmotion.sampling.blend import take_over
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.sources import Source
 
 _SPARE_S = 0.1
@@ -45,6 +46,8 @@ class Planner:
     def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
         self.retargeter, self.source, self.settings = retargeter, source, settings
         self.rate = retargeter.rate
+        mirrors = isinstance(source, MirrorSource)
+        self._blend_frames = settings.mirror_blend_frames if mirrors else settings.blend_frames
 
     def plan(
         self,
@@ -92,7 +95,7 @@ class Planner:
             first += later
         ended = motion is None or len(motion) < frames
         if motion is not None and current is not None and current.human is not None:
-            motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
+            motion = take_over(current.human, current.human_first_frame, motion, first, self._blend_frames)
         plan = retargeter.plan(state, motion, first, join, horizon=horizon, exact=exact, checkpoint=checkpoint)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")

@@ -112,6 +112,25 @@ def listens(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
+def test_a_clip_is_sent_as_frames_of_a_person(tmp_path: Path) -> None:
+    clip = tmp_path / "steps.npz"
+    save_motion(default_clip()[:12], clip)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 39539))
+        out = run("mirror_clip.py", str(clip), "mediapipe")
+        found = [json.loads(receiver.recv(65536)) for _ in range(12)]
+    assert out.startswith("sent 12 frames in ") and len(found[0]["landmarks"]) == 33
+    assert [frame["t"] for frame in found] == sorted(frame["t"] for frame in found)
+
+
+@pytest.mark.skipif(find_spec("mediapipe") is not None, reason="the extra camera is installed")
+def test_a_camera_without_its_libraries_says_what_to_install() -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "mirror_camera.py"), "model.task"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1 and "pip install 'flexmotion[camera]'" in done.stderr
+
+
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.name)
 def test_every_program_is_short_and_in_the_index(program: Path) -> None:
     assert len(program.read_text().splitlines()) < 40

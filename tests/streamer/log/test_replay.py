@@ -48,7 +48,9 @@ def test_a_log_without_its_beginning_or_its_source_cannot_be_replayed(log: Log) 
     with pytest.raises(ConfigError, match="cannot be replayed, its first ticks are missing"):
         replay(changed(log, rows=log.rows[5:]), subject)
     model = log.header.model_copy(update={"source_parts": {"kind": "Cinema"}})
-    with pytest.raises(ConfigError, match="a source of kind 'Cinema' is not kept in a log, only clips and models are"):
+    with pytest.raises(
+        ConfigError, match="a source of kind 'Cinema' is not kept in a log, expected clips, a model, a mirror"
+    ):
         replay(changed(log, header=model), subject)
     with pytest.raises(ConfigError, match="source clips: the log lacks 'source/"):
         changed(log, files={}).source()
