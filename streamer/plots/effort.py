@@ -23,7 +23,7 @@ def draw_effort(profile: TorqueProfile, robot: Robot) -> Figure:
         11,
         1.0 + 1.35 * rows,
         "Relative effort, human and robot",
-        "torque over weight times leg length, mean over 0.16 s; purple: human; right corner: greatest value of each, then "
+        "torque over weight times leg length, mean over 0.16 s; purple: human; right corner: greatest of each, then "
         f"their correlation; all joints together: {overall}",
         layout=False,
     )
