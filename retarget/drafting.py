@@ -32,18 +32,19 @@ class Drafted:
     drafts: int
 
 
-def best_draft(make: Callable[[Ease], tuple[Plan, Effort]], ease: Ease, allowed: float) -> Drafted:
+def best_draft(make: Callable[[Ease], tuple[Plan, Effort]], ease: Ease, allowed: float, most: int = DRAFTS) -> Drafted:
     """The first draft within what is allowed, or the one that came closest: slower first, then smaller.
 
     Args:
         make: the plan at an ease, and its effort.
         ease: with which the plan before ended.
         allowed: greatest load, as a share of the envelope.
+        most: drafts at most.
     """
     plan, effort = make(ease)
     first, drafts = effort, 1
     for further in (Ease.slower, Ease.smaller):
-        while drafts < DRAFTS and effort.load > allowed and (tried := further(ease, effort, allowed)) != ease:
+        while drafts < most and effort.load > allowed and (tried := further(ease, effort, allowed)) != ease:
             other, found = make(tried)
             drafts += 1
             if found.load > _GAIN * effort.load:

@@ -20,7 +20,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
-from flexmotion.retarget.drafting import best_draft
+from flexmotion.retarget.drafting import DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
@@ -147,9 +147,11 @@ class Retargeter:
             plan = whole(motion, first_frame, ease)
             return plan, effort(self.envelope, self.legs, plan.torque, plan.qd, begins, plan.stop_row)
 
-        best = best_draft(make, Ease(*now.ease), allowed)
+        # A short plan for a new target must come soon; the whole one right after it is eased.
+        short = horizon is not None and horizon < self.horizon
+        best = best_draft(make, Ease(*now.ease), allowed, 1 if short else DRAFTS)
         plan, lag = best.plan, 0.0
-        if best.effort.load > allowed:
+        if best.effort.load > allowed and not short:
             rows = slice(best.plan.stop_row)
             lag = float(np.abs(servo_lag(self.robot, self.envelope, plan.torque[rows], plan.qd[rows])).max())
         refused = lag > self.allowed_lag

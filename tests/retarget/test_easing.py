@@ -157,6 +157,17 @@ def test_a_robot_that_can_hardly_stand_refuses_and_stops(op3: Robot, stream: Str
         assert plan.contacts[-1].all()
 
 
+def test_a_short_plan_is_made_once_with_the_ease_that_it_begins_with(
+    op3: Robot, stream: StreamSettings, clip: Motion
+) -> None:
+    retargeter = judging(weak(op3, 0.5), stream)
+    state = retargeter.standing()
+    retargeter.layout.view(state).ease = np.array([0.8, 0.9])
+    plan = retargeter.plan(state, clip[:20], 0, 0, horizon=50)
+    assert plan.eased is not None and plan.eased.ease == Ease(0.8, 0.9)
+    assert plan.eased.drafts == 1 and not plan.eased.refused
+
+
 def test_a_stop_is_never_judged(op3: Robot, stream: StreamSettings) -> None:
     retargeter = judging(weak(op3, 0.1), stream)
     assert retargeter.plan(retargeter.standing(), None, 0, 0).eased is None
