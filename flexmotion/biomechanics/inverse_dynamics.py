@@ -20,6 +20,7 @@ from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
 from flexmotion.human.skeleton import DOF_COUNT, SIDES
+from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Effort:
     def about(self, point: Float) -> Float:
         """Total force, and moment about a point per frame, (T, 3) -> (T, 6) [N, N·m]."""
         force, moment = self.force.sum(axis=1), self.moment.sum(axis=1)
-        return np.concatenate([force, moment - np.cross(point, force)], axis=-1)
+        return np.concatenate([force, moment - cross(point, force)], axis=-1)
 
 
 def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = ()) -> Effort:
@@ -48,7 +49,7 @@ def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = 
     force = segments.mass[:, None] * (segments.acceleration + [0.0, 0.0, GRAVITY])
     for load in loads:
         force[:, human_model(body).body_index[load.segment]] -= load.force
-    return Effort(force, np.cross(segments.com, force) + segments.angular_momentum_rate)
+    return Effort(force, cross(segments.com, force) + segments.angular_momentum_rate)
 
 
 def joint_torques(
@@ -72,17 +73,18 @@ def joint_torques(
         ground = wrenches[:, side]
         foot = index[f"calcaneus_{name}"]
         force[:, foot] -= ground[:, :3]
-        moment[:, foot] -= np.cross(points[:, side], ground[:, :3]) + ground[:, 3:]
+        moment[:, foot] -= cross(points[:, side], ground[:, :3]) + ground[:, 3:]
 
     carries = carried(body)
-    joint_force = np.einsum("jb,tbi->tji", carries, force)
-    joint_moment = np.einsum("jb,tbi->tji", carries, moment) - np.cross(segments.anchor, joint_force)
+    both = carries @ np.concatenate([force, moment], axis=-1)
+    joint_force = both[..., :3]
+    joint_moment = both[..., 3:] - cross(segments.anchor, joint_force)
 
     torques = np.empty((len(segments), DOF_COUNT))
     pelvis = index["pelvis"]
     total = force.sum(axis=1)
     torques[:, :3] = total
-    about_pelvis = moment.sum(axis=1) - np.cross(segments.position[:, pelvis], total)
+    about_pelvis = moment.sum(axis=1) - cross(segments.position[:, pelvis], total)
     torques[:, 3:6] = np.einsum("tji,tj->ti", segments.rotation[:, pelvis], about_pelvis)
     torques[:, 6:] = np.sum(segments.axis * joint_moment, axis=-1)
     return torques

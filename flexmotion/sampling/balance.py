@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
+from flexmotion.human.vectors import cross
 from flexmotion.sampling.soles import NOWHERE, OUTWARD
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -45,12 +46,12 @@ class Balance:
         least: least vertical acceleration of the ground's force, relative to gravity.
     """
 
-    slip: float = 1.0
+    slip: float = 0.8
     floor: float = 1.5
     network: float = 0.3
     ease: float = 3.0
-    rounds: int = 30
-    margin: float = 0.01
+    rounds: int = 15
+    margin: float = 0.025
     least: float = 0.15
 
 
@@ -58,6 +59,9 @@ BALANCE = Balance()
 
 LIGHT = 0.25
 """With less vertical force than this share of the body's weight a frame has no zero-moment point to speak of."""
+
+RELAXED = 1.6
+"""Over-relaxation of the method: 1.5 to 1.8 is usual (Boyd et al., 3.4.3)."""
 
 FASTEST = 2.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
@@ -93,7 +97,7 @@ class Needs:
         """The needs of the motion shifted by (N, 3) [m]."""
         more = second_derivative(shift, self.fps)
         force = self.force + more
-        moment = self.moment + np.cross(self.centre + shift, more) + np.cross(shift, self.force)
+        moment = self.moment + cross(self.centre + shift, more) + cross(shift, self.force)
         return replace(self, root=self.root + shift, force=force, moment=moment, centre=self.centre + shift)
 
 
@@ -119,8 +123,9 @@ def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> F
         given, left = np.clip(force, least, most), np.zeros_like(force)
         for _ in range(settings.rounds):
             force = centred + answer @ (given - left - base)
-            given = np.clip(force + left, least, most)
-            left = left + force - given
+            ahead = RELAXED * force + (1.0 - RELAXED) * given
+            given = np.clip(ahead + left, least, most)
+            left = left + ahead - given
         shift = inverse @ start + gain @ (given - left - base)
     return _whole(_slowed(shift[:, None], needs.fps), needs)[:, 0]
 
@@ -151,8 +156,9 @@ def horizontal_shift(needs: Needs, bounds: Float, settings: Balance = BALANCE) -
     given, left = _within(point, edge), np.zeros_like(point)
     for _ in range(settings.rounds):
         point = centred + answer @ (given - left - base)
-        given = _within(point + left, edge)
-        left = left + point - given
+        ahead = RELAXED * point + (1.0 - RELAXED) * given
+        given = _within(ahead + left, edge)
+        left = left + ahead - given
     return _whole(_slowed(first + gain @ (given - left - base), needs.fps), needs)
 
 

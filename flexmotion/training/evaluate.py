@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.evaluation.embeddings import (
     diversity,
     frechet_distance,
@@ -23,14 +24,17 @@ from flexmotion.evaluation.embeddings import (
     multimodality,
     r_precision,
 )
+from flexmotion.evaluation.ground import judge_ground
 from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.evaluation.physics import beyond_muscles, joint_contact_error, physics_metrics
 from flexmotion.features.decode import Anchor, decode
-from flexmotion.features.encode import encode
-from flexmotion.features.layout import ACTIVATIONS
+from flexmotion.features.encode import LEAD, body_points, encode
+from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.body import Body
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.human.signals import same_rate
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.training.checkpoints import load_weights
@@ -55,6 +59,12 @@ NEIGHBOURS = 8192
 Generator = Callable[[int, int], Features]
 """Case and seed to the features of the case's future, not normalised, (W, F)."""
 
+Delivery = Callable[[int, int], tuple[Motion, Motion]]
+"""Case and seed to the motion of the case's future as planted, and as delivered."""
+
+MOTION_FIGURES = ("skate_ratio", "float_mm", "penetrate_mm")
+"""Figures of the feet that are reported of delivered motion too."""
+
 
 @dataclass(frozen=True)
 class Cases:
@@ -64,12 +74,15 @@ class Cases:
         history, future: features, not normalised, (N, H, F) and (N, W, F).
         texts: sentence of each.
         sentence: embeddings of those, (N, D).
+        clip, first: clip of the store and frame of the clip at which each future begins, (N,).
     """
 
     history: Features
     future: Features
     texts: tuple[str, ...]
     sentence: torch.Tensor
+    clip: NDArray[np.intp]
+    first: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.future)
@@ -83,14 +96,18 @@ class Judge:
         body: human of the bundles.
         count: number of cases.
         seed: of the cases and of all draws.
+        source: the set of the run's features, which are in half precision: with it the physics of real motion are
+            measured in single precision. None: in half precision, whose rounding alone is a residual of 5 %.
 
     Raises:
         ConfigError: the evaluator has not been trained.
     """
 
-    def __init__(self, run: Run, body: Body, count: int, seed: int = 0) -> None:
+    def __init__(self, run: Run, body: Body, count: int, seed: int = 0, source: MotionSet | None = None) -> None:
         self.run, self.body, self.seed, self.layout = run, body, seed, run.layout
         self.store = run.store()
+        self._recorded = {} if source is None else {(clip.name, clip.variant): clip for clip in source.clips}
+        self._source = source
         self.network = Evaluator(run.config.evaluator, run.config.window, self.layout, run.config.diffusion.text)
         load_weights(self.network, run.stage("evaluator"))
         self.network.eval()
@@ -112,6 +129,8 @@ class Judge:
             future=future.numpy()[described],
             texts=tuple(sentences.texts[row] for row in found.row[described]),
             sentence=found.sentence[described],
+            clip=np.asarray(windows.clip)[described],
+            first=np.asarray(windows.first)[described],
         )
 
     def past(self, case: int) -> Motion:
@@ -124,7 +143,23 @@ class Judge:
 
     def real(self, case: int, seed: int) -> Features:
         """Generator: the clip itself."""
-        return self.cases.future[case]
+        return self.cases.future[case] if case >= PHYSICAL else self._exact(case)
+
+    def _exact(self, case: int) -> Features:
+        """Features of a real future in single precision where there is a set, and it has the clip at their rate."""
+        stored, first = self.store.clips[self.cases.clip[case]], int(self.cases.first[case])
+        clip = self._recorded.get((stored.name, stored.variant))
+        frames, before = self.cases.future.shape[1], self.cases.history.shape[1]
+        if self._source is None or clip is None or not same_rate(clip.fps, self.layout.fps):
+            return self.cases.future[case]
+        begin, end = max(first - max(before, LEAD), 0), first + frames
+        if end > clip.frames or clip.info.get("slope"):
+            return self.cases.future[case]
+        motion = self._source.motion(clip)
+        if not self.layout.muscles:
+            motion = replace(motion, activations=None)
+        found: Features = encode(motion[begin:end], self.layout, self._source.centres(clip)[begin:end])[-frames:]
+        return found
 
     def motionless(self, case: int, seed: int) -> Features:
         """Generator: the mean pose of all training frames, without speed."""
@@ -158,8 +193,25 @@ class Judge:
 
         return generate
 
-    def measure(self, generate: Generator) -> dict[str, Interval]:
-        """Every metric of a generator."""
+    def delivered(self, sampler: Sampler) -> Delivery:
+        """What becomes of the samples of `sampled`: feet planted, then forces that belong to the motion."""
+
+        def deliver(case: int, seed: int) -> tuple[Motion, Motion]:
+            past, condition = self.past(case), Condition(self.cases.texts[case])
+            planted = sampler.planted(sampler.features(past, condition, seed), past, condition)
+            return planted, sampler.sample(past, condition, seed)
+
+        return deliver
+
+    def measure(self, generate: Generator, deliver: Delivery | None = None) -> dict[str, Interval]:
+        """Every metric of a generator.
+
+        Args:
+            generate: gives the features as decoded.
+            deliver: gives the same windows as delivered, for metrics whose names begin with `delivered_`, and for
+                `moved_by_planting`, `moved_by_projection`, the mean distances of the body's points from those before
+                either [mm]; None: not delivered.
+        """
         count = len(self.cases)
         futures = [generate(case, case) for case in range(count)]
         embedded = self._embedded(self._from_motions(self.cases, futures))
@@ -184,7 +236,7 @@ class Judge:
             "diversity": lambda rng: diversity(embedded, rng),
         }
         figures = {name: repeated(metric, self.seed) for name, metric in metrics.items()}
-        return figures | {"multimodality": self._multimodality(generate)} | self._of_motions(futures)
+        return figures | {"multimodality": self._multimodality(generate)} | self._of_motions(futures, deliver)
 
     def _multimodality(self, generate: Generator) -> Interval:
         values = []
@@ -194,7 +246,7 @@ class Judge:
             values.append(multimodality(self._embedded(features)[None]))
         return Interval.of(values)
 
-    def _of_motions(self, futures: Sequence[Features]) -> dict[str, Interval]:
+    def _of_motions(self, futures: Sequence[Features], deliver: Delivery | None) -> dict[str, Interval]:
         rows: list[dict[str, float]] = []
         for case, future in enumerate(futures):
             past = self.past(case)
@@ -208,18 +260,25 @@ class Judge:
                 # The third differences across the join.
                 row["jerk_join"] = float(change[join - 3 : join].max())
             if case < PHYSICAL:
-                row |= self._of_physics(future, motion)
+                row |= self._of_physics(_unclipped(future, motion, self.layout))
+                if deliver is not None:
+                    row |= self._of_delivered(motion, *deliver(case, case))
             rows.append(row)
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: Interval.of([row[name] for row in rows if name in row]) for name in names}
 
-    def _of_physics(self, future: Features, motion: Motion) -> dict[str, float]:
-        if self.layout.muscles:
-            # Those of the features: a motion's are clipped to [0, 1].
-            raw = np.asarray(future[:, self.layout.blocks[ACTIVATIONS]], np.float64)
-            motion = replace(motion, activations=raw)
+    def _of_delivered(self, decoded: Motion, planted: Motion, delivered: Motion) -> dict[str, float]:
+        feet = foot_metrics(delivered)
+        figures = self._of_physics(delivered) | {name: feet[name] for name in MOTION_FIGURES}
+        figures["jerk"] = float(jerk(delivered).mean())
+        return {f"delivered_{name}": value for name, value in figures.items()} | {
+            "moved_by_planting": _distance(decoded, planted),
+            "moved_by_projection": _distance(planted, delivered),
+        }
+
+    def _of_physics(self, motion: Motion) -> dict[str, float]:
         assert motion.pressure_centres is not None
-        figures = physics_metrics(motion, motion.pressure_centres)
+        figures = physics_metrics(motion, motion.pressure_centres) | judge_ground(motion).figures
         if find_spec("myo_sim") is not None:
             if self.layout.muscles:
                 figures["muscle_torque"] = beyond_muscles(motion)
@@ -243,6 +302,19 @@ class Judge:
         with torch.no_grad():
             parts = [self.network.motion(part) for part in features.split(256)]
         return torch.cat(parts).double().numpy()
+
+
+def _unclipped(future: Features, motion: Motion, layout: Layout) -> Motion:
+    """The decoded motion with the activations of the features: a motion's are clipped to [0, 1]."""
+    if not layout.muscles:
+        return motion
+    return replace(motion, activations=np.asarray(future[:, layout.blocks[ACTIVATIONS]], np.float64))
+
+
+def _distance(one: Motion, other: Motion) -> float:
+    """Mean distance of the body's points in two motions [mm]."""
+    apart = body_points(forward(one)) - body_points(forward(other))
+    return 1e3 * float(np.linalg.norm(apart, axis=-1).mean())
 
 
 def _joined(past: Motion, motion: Motion) -> Motion:

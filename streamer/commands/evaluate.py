@@ -30,7 +30,12 @@ def evaluate(
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of a sample.", show_default=False)] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of windows and samples.")] = 0,
     data: Annotated[
-        Path | None, typer.Option("--set", help="With a weights file: set with held-out clips.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--set",
+            help="Set with held-out clips; a weights file needs it, else real motion is rounded.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -50,6 +55,7 @@ def evaluate(
     needs_training()
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.bundles.card import add_figures
+    from flexmotion.dataset.compact_set import open_set
     from flexmotion.sampling.sampler import Sampler
     from flexmotion.training.evaluate import Judge
     from flexmotion.training.release import begin_run
@@ -72,13 +78,13 @@ def evaluate(
     bodies = {sampler.body for sampler in samplers.values()}
     if len(bodies) > 1:
         raise typer.BadParameter("the bundles are of humans of different size; evaluate them one by one")
-    judge = Judge(run, bodies.pop(), windows, seed)
+    judge = Judge(run, bodies.pop(), windows, seed, None if data is None else open_set(data))
     generators = {"real": judge.real, "motionless": judge.motionless, "nearest": judge.nearest()}
     generators |= {name: judge.sampled(sampler) for name, sampler in samplers.items()}
     figures: dict[str, dict[str, Interval]] = {}
     with progress_bar("evaluates") as progress:
         for number, (name, generator) in enumerate(generators.items()):
-            figures[name] = judge.measure(generator)
+            figures[name] = judge.measure(generator, judge.delivered(samplers[name]) if name in samplers else None)
             progress((number + 1) / len(generators))
     if card:
         for path in bundles:
