@@ -17,7 +17,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.human import HumanWindow
-from flexmotion.streamer.api import Outcome
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
