@@ -104,8 +104,6 @@ def main(
         "p50_ms": float(p50),
         "p95_ms": float(p95),
         "max_ms": float(most),
-    }
-    figures |= {
         **parts,
         "scheduling": session.scheduling,
         "load": load,
