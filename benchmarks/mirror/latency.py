@@ -89,7 +89,10 @@ def main(
     measured = record.stamp_ns > (followed[0] + WARM_S) * 1e9
     waited = record.ticks.seen_to_command_s[measured]
     waited_ms = 1e3 * waited[np.isfinite(waited)]
-    p50, p95, most = np.percentile(waited_ms, [50, 95, 100]) if len(waited_ms) else (np.nan,) * 3
+    if not len(waited_ms):
+        faults = "; ".join(event.message for event in record.events if event.kind == "fault")
+        raise DriverError(f"the run ended before a frame was measured: {faults or 'no fault'}")
+    p50, p95, most = np.percentile(waited_ms, [50, 95, 100])
     plans = [plan for plan in record.plans if plan.sample_s > 0.0]
     parts = {
         "sample_ms": 1e3 * float(np.median([plan.sample_s for plan in plans])),
