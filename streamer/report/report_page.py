@@ -9,7 +9,15 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flexmotion.streamer.report.report import Report
-from flexmotion.streamer.report.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
+from flexmotion.streamer.report.summary import (
+    asked_rows,
+    joint_rows,
+    motion_rows,
+    period_note,
+    timing_rows,
+    torque_note,
+    verdict,
+)
 
 CAPTIONS = {
     "robot": "Human and robot",
@@ -33,6 +41,8 @@ def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> P
         report=report,
         verdict=verdict(report),
         motion=motion_rows(report),
+        period_note=period_note(report),
+        asked=asked_rows(report),
         joints=joint_rows(report),
         torque_note=torque_note(report),
         timing=timing_rows(report),
