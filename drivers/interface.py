@@ -204,7 +204,11 @@ class Driver(ABC):
 
     @property
     def violations(self) -> int:
-        """Goals outside a servo's envelope, counted after quantisation."""
+        """Goals outside a servo's envelope that were written, counted after quantisation.
+
+        Drivers of a bus hold positions among them back: the servo's goal before is sent again. A simulated robot
+        receives them.
+        """
         return 0
 
     @abstractmethod

@@ -95,8 +95,9 @@ class PromptReader:
     A listener classifies the sentence by kind of motion, and its embedding is replaced by a mixture of known wordings
     of that kind, weighted by likeness, so that the denoiser only receives embeddings like those of its training. Kinds
     are not mixed: "to your left" is nearly as near to "turn right" as to "turn left". Known wordings are not
-    classified. The manner is heard apart from the kind. Sentences that are not understood or name a limb that the
-    motion does not use, prohibitions, and kinds that the model does not offer mean standing still; manners that it does not offer are dropped.
+    classified. The manner is heard apart from the kind. Sentences that are not understood, that name a limb
+    which the motion does not use, prohibitions, and kinds that the model does not offer mean standing still; manners
+    that it does not offer are dropped.
 
     Args:
         folder: of the sentence encoder.

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.streamer.control.run_totals import (
+    OF_PLANS,
+    JointSums,
+    RunTotals,
+    Times,
+    TorqueSource,
+    torque_source,
+    torques,
+)
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank
 
@@ -18,9 +27,6 @@ KEPT_S = 300.0
 """Part of a run without an end that is kept, so that memory stays bounded [s]."""
 _EVENTS_KEPT = 10_000
 _FIRST_ROWS = 4096
-
-TorqueSource = Literal["simulation", "servos"]
-"""Where torques come from: the simulation's true state, or the servos' own measurement (of current)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class RunTrace:
     taken from; `ticks` has the fields themselves.
 
     Args:
-        kept_s: older rows are dropped [s].
+        kept_s: older rows are dropped [s]; `totals` has what is known of them.
 
     Attributes:
         rate_hz: ticks per second.
@@ -48,6 +54,7 @@ class RunTrace:
         events: in order of tick.
         human_steps: footsteps that the human made.
         forgotten: rows that were dropped, or overwritten before they were collected.
+        totals: of the rows that were dropped.
     """
 
     def __init__(self, rate_hz: float, joint_names: tuple[str, ...], *, kept_s: float = KEPT_S) -> None:
@@ -55,6 +62,7 @@ class RunTrace:
         self.events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
         self.human_steps = 0
         self.forgotten = 0
+        self.totals = RunTotals()
         self._most = int(kept_s * rate_hz)
         self._rows = blank(TickRow.dtype(joints=len(joint_names)), _FIRST_ROWS)
         self._used = 0
@@ -103,6 +111,7 @@ class RunTrace:
         """Double the capacity, up to what is kept; from then on drop the older half."""
         kept = self.rows
         if len(self._rows) >= self._most:
+            self.totals.fold(TickRow(kept[: len(kept) // 2]))
             kept = kept[len(kept) // 2 :]
             self.forgotten += self._used - len(kept)
         grown = blank(self._rows.dtype, max(min(2 * len(self._rows), self._most), len(kept) + count))
@@ -120,20 +129,46 @@ class RunTrace:
     @property
     def torque_source(self) -> TorqueSource | None:
         """Where `torque` comes from; None where it is unknown."""
-        if np.isfinite(self.ticks.true_torque).any():
-            return "simulation"
-        return "servos" if np.isfinite(self.ticks.effort).any() else None
+        return torque_source(self.ticks) or self.totals.torque_source
 
     @property
     def torque(self) -> Float:
         """Torque of the servos according to `torque_source`, (used, n) [N·m]; NaN where unknown."""
-        if self.torque_source == "servos":
-            return np.where(self.ticks.stale > 0, np.nan, self.ticks.effort)
-        return self.ticks.true_torque
+        return torques(self.ticks, self.torque_source)
+
+    @property
+    def joint_sums(self) -> JointSums:
+        """Loads of the joints in the whole run."""
+        kept = JointSums.of(self.ticks, self.torque)
+        return kept if self.totals.joints is None else self.totals.joints + kept
+
+    def times(self, name: str) -> Times | Float:
+        """A time of each tick, or of each plan, of the whole run: the times themselves while all rows are kept [s]."""
+        kept = getattr(self.ticks, name)
+        if name in OF_PLANS:
+            kept = kept[self.totals.first_of_plans(self.ticks)]
+        kept = np.asarray(kept, dtype=float)
+        return self.totals.times[name].with_(kept) if self.totals.joints is not None else kept
+
+    @property
+    def plans_played(self) -> int:
+        """Plans that were played in the whole run."""
+        return self.totals.plans + len(self.totals.first_of_plans(self.ticks))
+
+    @property
+    def period_s(self) -> tuple[float, float]:
+        """Part of the run whose rows are kept, from its first tick [s]."""
+        first = int(self.rows["tick"][0]) if self._used and self.forgotten else 0
+        return first / self.rate_hz, self.duration_s
+
+    @property
+    def time_s(self) -> Float:
+        """Times of the rows kept, from the first tick of the run, (used,) [s]."""
+        return self.period_s[0] + np.arange(self._used) / self.rate_hz
 
     @property
     def plans(self) -> list[PlanEvent]:
-        """The plans that were played, in order."""
+        """The plans that were played in the rows kept, in order."""
         rows = self.ticks[self.ticks.plan > 0]
         _, first = np.unique(rows.plan, return_index=True)
         return [
@@ -173,7 +208,7 @@ class RunTrace:
 
     @property
     def violations_sent(self) -> int:
-        """Goals outside a servo's envelope, as the driver counts them."""
+        """Goals outside a servo's envelope that left the loop; see `Driver.violations`."""
         return self._last("violations")
 
 

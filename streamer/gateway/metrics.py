@@ -57,7 +57,7 @@ class RunCollector(Collector):
             ("missed_deadlines", "Ticks that were not done when the next was due.", row.missed_deadlines),
             ("late_plans", "Plans that came too late to be played.", row.late_plans),
             ("underruns", "Times that a plan's own stop was played for lack of another.", row.underruns),
-            ("violations", "Goals outside a servo's envelope, as the driver counts them.", row.violations),
+            ("violations", "Goals outside a servo's envelope that left the loop.", row.violations),
             ("steps", "Footsteps of the robot.", row.steps_planned),
         ):
             yield _counter(name, text, int(value))

@@ -56,7 +56,7 @@ def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None)
         offset = np.array([place * _SPACING * height, 0.0])
         for collection in draw_solid(robot.model, data, hulls, camera, offset):
             axes.add_collection(collection)
-        label = f"{tick / record.rate_hz:.1f} s"
+        label = f"{record.time_s[tick]:.1f} s"
         axes.text(offset[0], -0.2 * height, label, ha="center", va="top", color=MUTED, fontsize=8.5)
     top = _REACHING
     if motion is not None:

@@ -34,7 +34,7 @@ _MOST_LABELS = 12
 
 def draw_timeline(record: RunTrace, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
     """Ladder state and events, load on each foot over planned contact, torso tilt, leg error, heading."""
-    t = np.arange(record.used) / record.rate_hz
+    t = record.time_s
     figure = new_figure(11, 8.2, "Timeline", "state, feet, and distance from the plan")
     panels = figure.subplots(5, 1, sharex=True, height_ratios=(0.7, 1.2, 1, 1, 1))
     _states(panels[0], record, t)
@@ -43,7 +43,7 @@ def draw_timeline(record: RunTrace, figures: RobotFigures, human: HumanTrack | N
     _error(panels[3], record, figures, t)
     _heading(panels[4], record, human, t)
     panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(0, record.used / record.rate_hz if record.used else 1)
+    panels[-1].set_xlim(*((t[0], t[-1] + 1 / record.rate_hz) if len(t) else (0, 1)))
     return figure
 
 
@@ -54,13 +54,18 @@ def _spans(values: NDArray[np.int64]) -> list[tuple[int, int, int]]:
 
 
 def _states(axes: Axes, record: RunTrace, t: Float) -> None:
+    begin, end = record.period_s
     for value, start, stop in _spans(record.state[: record.used]):
         state = State(value)
-        axes.axvspan(start / record.rate_hz, stop / record.rate_hz, color=_STATE_COLOURS[state], linewidth=0)
+        axes.axvspan(
+            begin + start / record.rate_hz, begin + stop / record.rate_hz, color=_STATE_COLOURS[state], linewidth=0
+        )
         if stop - start >= _LABELLED_SHARE * record.used:
-            middle = (start + stop) / 2 / record.rate_hz
+            middle = begin + (start + stop) / 2 / record.rate_hz
             axes.text(middle, 0.5, state.name, ha="center", va="center", fontsize=8)
-    notable = [event for event in record.events if event.kind != "state"]
+    # A text beside the panels would leave them no room.
+    drawn = [event for event in record.events if begin <= event.tick / record.rate_hz <= end]
+    notable = [event for event in drawn if event.kind != "state"]
     for event in notable:
         colour = WARN if event.kind == "fault" else INK
         axes.axvline(event.tick / record.rate_hz, ymin=0.0, ymax=1.0, color=colour, linewidth=0.8)

@@ -25,7 +25,7 @@ def draw_tracking(record: RunTrace, robot: Robot) -> Figure:
         "broad grey: reference; thin: measured; degrees over seconds; right corner: RMS difference; red: joint limit",
         layout=False,
     )
-    t = np.arange(record.used) / record.rate_hz
+    t = record.time_s
     reference, measured = np.degrees(record.q_ref[: record.used]), np.degrees(record.q[: record.used])
     lower, upper = np.degrees(robot.lower), np.degrees(robot.upper)
     for joint, axes in joint_panels(figure, robot, above=0.75, sharex=True, sharey=False).items():
@@ -42,5 +42,5 @@ def draw_tracking(record: RunTrace, robot: Robot) -> Figure:
         for limit in (lower[joint], upper[joint]):
             if low - missing <= limit <= high + missing:
                 axes.axhline(limit, color=WARN, linewidth=0.8)
-        axes.set_xlim(0, max(t[-1], 1e-3) if len(t) else 1)
+        axes.set_xlim(*((t[0], max(t[-1], t[0] + 1e-3)) if len(t) else (0, 1)))
     return figure

@@ -18,14 +18,15 @@ from flexmotion.human.motion import Motion
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_heading
+from flexmotion.streamer.control.run_totals import FALL_TILT_RAD
 from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FALL_TILT_RAD = np.deg2rad(45.0)
 FALL_HEIGHT_SHARE = 0.6
-"""The robot has fallen if its torso tilts further than this, or is lower than this share of its standing height."""
+"""The robot has fallen if its torso tilts further than `FALL_TILT_RAD`, or is lower than this share of its standing
+height."""
 MAX_LAG_S = 0.1
 """Longest delay between reference and measurement that counts as lag instead of error."""
 LOADED_SHARE = 0.05
@@ -298,26 +299,22 @@ def motion_figures(
 
 def joint_loads(record: RunTrace, robot: RobotFigures) -> dict[str, JointLoad]:
     """Peak and RMS of `RunTrace.torque`, peak speed and saturation of each joint over the ticks with goals sent."""
-    rows = slice(record.used)
-    powered = np.isfinite(record.q_cmd[rows]).all(axis=1)
-    torque, speed = record.torque[powered], record.qd[rows][powered]
-    saturated = record.true_saturated[rows][powered]
+    sums = record.joint_sums
+    with np.errstate(invalid="ignore"):
+        rms = np.sqrt(sums.torque_squares / np.where(sums.known > 0, sums.known, np.nan))
 
     def figure(value: np.floating | float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    loads: dict[str, JointLoad] = {}
-    for j, name in enumerate(record.joint_names):
-        known_torque = torque[np.isfinite(torque[:, j]), j]
-        known_speed = speed[np.isfinite(speed[:, j]), j]
-        rms = np.sqrt(np.mean(known_torque**2)) if len(known_torque) else np.nan
-        loads[name] = JointLoad(
-            peak_torque_nm=figure(np.max(np.abs(known_torque), initial=-np.inf)),
-            rms_torque_nm=figure(rms),
+    return {
+        name: JointLoad(
+            peak_torque_nm=figure(sums.peak_torque[j]),
+            rms_torque_nm=figure(rms[j]),
             torque_limit_nm=float(robot.torque_limit[j]),
-            rms_share_of_stall=figure(rms / robot.stall_torque[j]),
-            peak_speed_rad_s=figure(np.max(np.abs(known_speed), initial=-np.inf)),
+            rms_share_of_stall=figure(rms[j] / robot.stall_torque[j]),
+            peak_speed_rad_s=figure(sums.peak_speed[j]),
             speed_limit_rad_s=float(robot.speed_limit[j]),
-            saturated_share=figure(np.mean(saturated[:, j])) if len(known_torque) else None,
+            saturated_share=figure(sums.saturated[j] / sums.powered) if sums.known[j] else None,
         )
-    return loads
+        for j, name in enumerate(record.joint_names)
+    }

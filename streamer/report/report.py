@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
+from flexmotion.streamer.control.run_totals import Times, TorqueSource
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.planning.ease_notes import EASED, REFUSED
 from flexmotion.streamer.report.figure import Figure, Maybe, Section
@@ -46,6 +47,17 @@ class Latency(Section):
         p50, p95, p99, p99_9 = np.percentile(values, (50, 95, 99, 99.9))
         return cls(p50=p50, p95=p95, p99=p99, p99_9=p99_9, max=values.max())
 
+    @classmethod
+    def of_run(cls, record: RunTrace, name: str, unit_s: float) -> Latency | None:
+        """Percentiles of a time of a whole run; see `RunTrace.times`."""
+        times = record.times(name)
+        if not isinstance(times, Times):
+            return cls.of(times, unit_s)
+        if not times.count:
+            return None
+        p50, p95, p99, p99_9 = (times.percentile(percent) / unit_s for percent in (50, 95, 99, 99.9))
+        return cls(p50=p50, p95=p95, p99=p99, p99_9=p99_9, max=times.most / unit_s)
+
 
 class LoopSection(Section):
     """Timing of the control loop. `realtime_factor` is the run's duration over its wall-clock time."""
@@ -73,6 +85,11 @@ class PlannerSection(Section):
     underruns: int
     eased: tuple[str, ...] = ()
 
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Motion that was refused because no slower or smaller one is within the envelope, in words."""
+        return tuple(message for message in self.eased if REFUSED in message)
+
 
 class DisplacementSection(Section):
     """Net displacement; see `flexmotion.streamer.report.metrics.Displacement`."""
@@ -83,10 +100,15 @@ class DisplacementSection(Section):
 
 
 class MotionSection(Section):
-    """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps."""
+    """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps.
+
+    `fell`, `time_to_fall_s` and counts of steps are of the whole run, the other figures of `period_s`: its first and
+    its last moment in the run [s].
+    """
 
     fell: bool
     time_to_fall_s: Maybe
+    period_s: tuple[Figure, Figure]
     joint_rmse_rad: Maybe
     lag_s: Maybe
     foot_slip_mm_s: Maybe
@@ -115,9 +137,11 @@ class JointSection(Section):
 
 
 class LimitsSection(Section):
-    """Limits: `violations_sent` is counted at the receiving end, repairs in planner and loop.
+    """Limits that were reached, and loads of the joints.
 
-    `torque_source` is the source of the joints' torques; None if they are unknown.
+    `violations_sent` counts goals outside a servo's envelope that left the loop: a simulated robot has received them,
+    on a bus positions among them were held back. Repairs are counted in planner and loop. `torque_source` is the
+    source of the joints' torques; None if they are unknown.
     """
 
     violations_sent: int
@@ -155,12 +179,6 @@ class Report(Section):
     safety: SafetySection
     targets: tuple[Heard, ...] = ()
     log: str | None
-
-    @property
-    def not_done(self) -> tuple[str, ...]:
-        """What was asked and was not done, or not whole, in words."""
-        failed = tuple(heard.failure for heard in self.targets if heard.failure is not None)
-        return failed + tuple(message for message in self.planner.eased if REFUSED in message)
 
     def json_text(self) -> str:
         """The report as JSON, keys in the order of the schema, with a final newline."""
@@ -232,7 +250,11 @@ def build_report(
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
         # Without ground truth the loop's own fall detection counts, the only cause of DAMPED.
-        motion |= {"fell": True, "time_to_fall_s": int(damped[0]) / record.rate_hz}
+        motion |= {"fell": True, "time_to_fall_s": int(record.tick[damped[0]]) / record.rate_hz}
+    elif figures.time_to_fall_s is not None:
+        motion["time_to_fall_s"] = figures.time_to_fall_s + record.period_s[0]
+    if record.totals.fall_tick is not None:
+        motion |= {"fell": True, "time_to_fall_s": record.totals.fall_tick / record.rate_hz}
     faults = [event.message for event in record.events if event.kind == "fault"]
     return Report(
         ok=(
@@ -241,7 +263,7 @@ def build_report(
             and record.violations_sent == 0
             and record.missed_deadlines <= info.missed_allowed
             and record.underruns <= info.underruns_allowed
-            and bool((states == State.STREAMING).any())
+            and (record.totals.streamed or bool((states == State.STREAMING).any()))
             and states[-1] in (State.HOLD, State.OFF)
             and (info.allow_refused or not (refused or any(heard.failure is not None for heard in info.targets)))
             and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
@@ -259,24 +281,25 @@ def build_report(
             missed_deadlines=record.missed_deadlines,
             missed_allowed=info.missed_allowed,
             # In lockstep the loop does not sleep.
-            wake_lateness_us=Latency.of(record.lateness_s[: record.used], 1e-6) if info.clock == "real" else None,
-            work_us=Latency.of(record.work_s[: record.used], 1e-6),
+            wake_lateness_us=Latency.of_run(record, "lateness_s", 1e-6) if info.clock == "real" else None,
+            work_us=Latency.of_run(record, "work_s", 1e-6),
             realtime=info.realtime,
-            robot_lateness_us=Latency.of(record.robot_lateness_s, 1e-6),
+            robot_lateness_us=Latency.of_run(record, "robot_lateness_s", 1e-6),
             elapsed_s=info.elapsed_s,
             realtime_factor=duration / info.elapsed_s if info.elapsed_s else None,
         ),
         planner=PlannerSection(
-            plans=len(record.plans),
-            sample_ms=Latency.of((plan.sample_s for plan in record.plans), 1e-3),
-            retarget_ms=Latency.of((plan.retarget_s for plan in record.plans), 1e-3),
-            target_to_command_ms=Latency.of(record.target_to_command_s, 1e-3),
-            target_to_effect_ms=Latency.of(record.target_to_effect_s, 1e-3),
+            plans=record.plans_played,
+            sample_ms=Latency.of_run(record, "sample_s", 1e-3),
+            retarget_ms=Latency.of_run(record, "retarget_s", 1e-3),
+            target_to_command_ms=Latency.of_run(record, "target_to_command_s", 1e-3),
+            target_to_effect_ms=Latency.of_run(record, "target_to_effect_s", 1e-3),
             underruns=record.underruns,
             eased=eased,
         ),
         motion=MotionSection(
             **motion,
+            period_s=record.period_s,
             human_steps=record.human_steps,
             steps_planned=record.steps_planned,
             steps_inserted=record.steps_inserted,

@@ -10,10 +10,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flexmotion.streamer.report.report import Report
 from flexmotion.streamer.report.summary import (
+    asked_rows,
     joint_rows,
     likeness_rows,
     likeness_words,
     motion_rows,
+    period_note,
     timing_rows,
     torque_note,
     verdict,
@@ -44,6 +46,8 @@ def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> P
         likeness=likeness_rows(report),
         likeness_words=likeness_words(report),
         motion=motion_rows(report),
+        period_note=period_note(report),
+        asked=asked_rows(report),
         joints=joint_rows(report),
         torque_note=torque_note(report),
         timing=timing_rows(report),

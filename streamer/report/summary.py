@@ -19,14 +19,16 @@ _CUT_SHORT = ("READY", "STREAMING", "PARK")
 
 
 def failures(report: Report) -> list[str]:
-    """Every reason why the run failed, in words; empty if it is ok."""
+    """Every reason why the run failed, in words, what concerns safety first; empty if it is ok."""
     reasons = []
     motion, loop = report.motion, report.loop
     if motion.fell:
         reasons.append("fell" if motion.time_to_fall_s is None else f"fell after {motion.time_to_fall_s:.2f} s")
     reasons += [f"fault: {fault}" for fault in report.safety.faults]
     if report.limits.violations_sent:
-        reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope reached the driver")
+        reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope left the loop")
+    if report.safety.final_state in _CUT_SHORT:
+        reasons.append(f"cut short in {report.safety.final_state}, torque off")
     if report.planner.plans == 0:
         reasons.append("no plan was ever played")
     if report.planner.underruns and not report.ok:
@@ -34,13 +36,31 @@ def failures(report: Report) -> list[str]:
     if loop.missed_deadlines > loop.missed_allowed:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
     if not report.ok and not report.options.get("allow_refused"):
-        reasons += report.not_done
+        reasons += _not_done(report)
     wanted = report.options.get("min_likeness")
     if wanted is not None and (report.likeness is None or report.likeness.score < wanted):
         reasons.append(f"{likeness_words(report)}, at least {wanted:g} was asked for")
-    if report.safety.final_state in _CUT_SHORT or not (report.ok or reasons):
-        reasons.append(f"cut short in {report.safety.final_state}, torque off")
+    if not (report.ok or reasons):
+        reasons.append(f"ended in {report.safety.final_state}")
     return reasons
+
+
+def _not_done(report: Report) -> list[str]:
+    """What was asked and not done, and plans that were refused: one thing in words, several by number."""
+    found = [(heard, heard.failure) for heard in report.targets if heard.failure is not None]
+    plans = report.planner.refusals
+    reasons = list(plans) if len(plans) < 2 else [f"{len(plans)} plans refused: {plans[0]}"]
+    if len(found) == 1:
+        return [short(found[0][1]), *reasons]
+    refused = sum(heard.state == "refused" for heard, _ in found)
+    counts = [(refused, "refused"), (len(found) - refused, "not done whole")]
+    told = " and ".join(f"{count} {what}" for count, what in counts if count)
+    return [f"of {len(report.targets)} requests {told}, listed below"] * bool(found) + reasons
+
+
+def short(reason: str) -> str:
+    """A reason without the list of what the model can do."""
+    return reason.partition("; it can: ")[0]
 
 
 def verdict(report: Report) -> str:
@@ -121,6 +141,12 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     return [row for row in rows if row[1] != "-"]
 
 
+def period_note(report: Report) -> str:
+    """Which part of the run the motion figures are of; empty where it is all of it."""
+    begin, end = report.motion.period_s
+    return f"steps: of the whole run; the others: from {begin:.0f} to {end:.0f} s" if begin > 0.0 else ""
+
+
 def joint_rows(report: Report) -> list[tuple[str, ...]]:
     """Name, RMS torque, its share of stall, peak, limit, peak speed, time at the limit; highest load first."""
     hardest = sorted(report.limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
@@ -174,7 +200,12 @@ def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
             for step in heard.steps
             if step.end is not None
         ]
-        notes = [heard.reason, heard.slowed and f"slowed to {heard.slowed}", *heard.notes, *done]
+        notes = [
+            heard.reason and short(heard.reason),
+            heard.slowed and f"slowed to {heard.slowed}",
+            *heard.notes,
+            *done,
+        ]
         notes += [f"not done: {', '.join(heard.dropped)}"] if heard.dropped else []
         rows.append((heard.asked, heard.state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
     return rows
@@ -184,7 +215,11 @@ def _asked(report: Report) -> list[RenderableType]:
     if not report.targets:
         return []
     drawn = table("Asked", "", "", "", "")
-    for asked, state, heard, notes in asked_rows(report)[:ASKED_SHOWN]:
+    rows = asked_rows(report)
+    # What was not done is shown first of all, in the order in which it was asked.
+    failed = [place for place, heard in enumerate(report.targets) if heard.failure is not None]
+    others = [place for place in range(len(rows)) if place not in failed]
+    for asked, state, heard, notes in (rows[place] for place in sorted([*failed, *others][:ASKED_SHOWN])):
         drawn.add_row(*(Text(part) for part in (asked, state, heard)), Text(notes, style="dim"))
     more = len(report.targets) - ASKED_SHOWN
     return [drawn, *([Text(f"and {more} more, in report.json", style="dim")] if more > 0 else [])]
@@ -194,7 +229,8 @@ def _motion(report: Report) -> list[RenderableType]:
     drawn = table("Motion", "", "", "")
     for name, value, meaning in motion_rows(report):
         drawn.add_row(name, value, Text(meaning, style="dim"))
-    return [drawn]
+    note = period_note(report)
+    return [drawn, Text(note, style="dim")] if note else [drawn]
 
 
 def _likeness(report: Report) -> list[RenderableType]:
@@ -231,7 +267,7 @@ def _joints(report: Report) -> list[RenderableType]:
     for row in joint_rows(report)[:WORST_JOINTS]:
         drawn.add_row(*row)
     repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
-    note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
+    note = f"goals outside the envelope that left the loop: {limits.violations_sent}; repairs: {repairs}"
     return [drawn, Text("; ".join(filter(None, (torque_note(report), note))), style="dim")]
 
 

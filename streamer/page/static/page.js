@@ -195,7 +195,7 @@ function showHealth(now) {
     "target to command, newest": ms(now.target_to_command_ms),
     "tick, plan": `${status.tick ?? "–"}, ${now.plan}`,
     "missed periods, underruns, late plans": `${now.missed_deadlines}, ${now.underruns}, ${now.late_plans}`,
-    "violations sent": now.violations, "steps, inserted": `${now.steps_planned}, ${now.steps_inserted}`,
+    "goals outside the envelope": now.violations, "steps, inserted": `${now.steps_planned}, ${now.steps_inserted}`,
     "feet in the air": now.hung ? "yes" : "no",
     messages: Object.entries(status.counts ?? {}).map(([name, count]) => `${name} ${count}`).join(", ") || "none",
     "picture's age": seen ? `${Math.round(performance.now() - seen)} ms` : "–",

@@ -423,7 +423,7 @@ def test_a_planner_that_died_is_the_cause_of_the_stand_that_follows(make_office:
 
 @pytest.mark.parametrize("words", ["emergency stop", "e-stop", "halt", "stop!"])
 def test_words_of_alarm_stop_the_robot_whoever_holds_the_lease(make_office: Make, words: str) -> None:
-    """ "Emergency stop" was answered `accepted`, with the note that it "is a prohibition", and stopped nothing."""
+    """Words like "emergency stop" were answered `accepted` as "a prohibition", and nothing stopped."""
     office = make_office()
     office.ask('{"type":"text","text":"wave","source":"another","sequence":9}')
     office.run.arrived()

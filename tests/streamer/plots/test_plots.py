@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import blank
 from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
@@ -17,6 +19,7 @@ from flexmotion.streamer.plots.panels import joint_columns
 from flexmotion.streamer.plots.pictures import write_plots
 from flexmotion.streamer.plots.solid import Camera, shapes
 from flexmotion.streamer.plots.style import save, styled
+from flexmotion.streamer.plots.timeline import draw_timeline
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -92,3 +95,15 @@ def test_shapes_enclose_their_geoms() -> None:
     expected = [(0.1, 0.1, 0.1), (0.1, 0.1, 0.3), (0.1, 0.1, 0.2), (0.1, 0.2, 0.3), (0.1, 0.2, 0.3)]
     for extent, size in zip(extents, expected, strict=True):
         assert extent == pytest.approx(size, rel=0.03)
+
+
+def test_events_before_what_is_kept_of_a_run_take_no_room(record: RunTrace, figures: RobotFigures) -> None:
+    """A long run ended with matplotlib's "constrained_layout not applied": texts of events stood far beside it."""
+    record.rows["tick"] += 100_000
+    record.forgotten = 100_000
+    record.events.extend(Event(500 * n, "request", "NOTE") for n in range(12))
+    with styled(), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = draw_timeline(record, figures)
+        figure.canvas.draw()
+    assert figure.axes[-1].get_xlim() == pytest.approx(record.period_s, abs=0.01)

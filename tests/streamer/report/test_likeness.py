@@ -17,10 +17,10 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.human import HumanWindow
-from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.report.directions import angle, human_directions, robot_directions, trunk_of
 from flexmotion.streamer.report.likeness import Likeness, likeness
 from flexmotion.streamer.report.metrics import RobotFigures

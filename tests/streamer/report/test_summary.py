@@ -12,6 +12,7 @@ from rich.console import Console
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
 from flexmotion.streamer.report.summary import failures, joint_rows, render, verdict
@@ -41,7 +42,7 @@ def test_every_reason_for_failing_is_named(record: RunTrace, figures: RobotFigur
     assert failures(report) == [
         "fell after 4.00 s",
         "fault: l_knee: lost",
-        "2 goals outside a servo's envelope reached the driver",
+        "2 goals outside a servo's envelope left the loop",
         "3 of 1000 deadlines missed, 0 allowed",
     ]
     assert text_of(record, figures, None).startswith("FAIL")
@@ -52,7 +53,7 @@ def test_a_run_that_was_cut_short_is_named_beside_other_failures(record: RunTrac
     """Regression: a second Ctrl-C was not named beside two missed deadlines."""
     record.rows["missed_deadlines"] = 2
     record.rows["state"][-1] = State.STREAMING
-    assert failures(build_report(record, INFO, figures))[-1] == "cut short in STREAMING, torque off"
+    assert failures(build_report(record, INFO, figures))[0] == "cut short in STREAMING, torque off"
 
 
 def test_a_run_without_a_plan_has_no_figures(record: RunTrace, figures: RobotFigures) -> None:
@@ -87,3 +88,25 @@ def test_joints_are_ordered_by_their_share_of_stall_torque(record: RunTrace, fig
         "l_hip_pitch",
     ]
     assert "torque as the servos measure it, by their current; goals outside" in text_of(record, figures, None, 200)
+
+
+def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: RunTrace, figures: RobotFigures) -> None:
+    """The verdict joined all refusals, each with the list of 23 motions; a fault was lost among them."""
+    reason = "'fly {}' is not understood by this model, it stands still; it can: stand, walk, bow; try: walk forward"
+    refused = [Heard(asked=f"fly {n}", state="refused", reason=reason.format(n)) for n in range(12)]
+    done = [Heard(asked=f"wave {n}", state="accepted", heard_as="wave-right-hand") for n in range(20)]
+    dropped = Heard(asked="wave and sing", state="partly", heard_as="wave-right-hand", dropped=("sing",))
+    record.events.append(Event(1, "fault", "l_knee: lost"))
+    report = build_report(record, replace(INFO, targets=(*done, dropped, *refused)), figures)
+    assert failures(report) == [
+        "fault: l_knee: lost",
+        "of 33 requests 12 refused and 1 not done whole, listed below",
+    ]
+    console = Console(file=io.StringIO(), width=160)
+    console.print(render(report))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "it can:" not in text and "'fly 3' is not understood" in text and "sing" in text
+
+    alone = build_report(record, replace(INFO, targets=(*done, refused[0])), figures)
+    told = failures(alone)[-1]
+    assert told == "refused: 'fly 0' is not understood by this model, it stands still"

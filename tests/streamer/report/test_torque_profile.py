@@ -13,10 +13,10 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS, ROOT_DOFS
 from flexmotion.spatial.gravity import GRAVITY
-from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.report.metrics import RobotFigures
 from flexmotion.streamer.report.torque_profile import torque_profile
 
