@@ -186,15 +186,10 @@ class Gait(Strict):
         stand_hip_height, walk_hip_height: hip pitch axis above ankle pitch axis, standing and around steps [m].
         min_hip_height: lowest hip height in squats [m].
         stride_factor: step length relative to the leg-scaled human step.
-        max_stride: longest |dx| from stance foot to foothold [m].
         lateral: least and greatest lateral distance between the centres of the soles [m].
         max_foot_yaw, max_toe_in: greatest yaw of a foot relative to the stance foot, outward and inward [rad].
-        swing_min_s, double_support_min_s: shortest swing and double support [s].
-        swing_max_foot_speed: greatest mean speed of the swing foot [m/s].
-        swing_turn_cost: a turn of the foot divides the reach of its swing by 1 + this times the turn [1/rad].
-        swing_max_foot_acceleration: greatest acceleration of the swing foot [m/s²]; the knee's rotor inertia turns it
-            into torque.
-        clearance: height of the swing foot in mid-swing [m].
+        double_support_min_s: shortest double support [s].
+        clearance: height of the swing foot over the floor in the middle of its way [m]: what the floor asks.
         zmp_feedback: greatest shift of the ZMP by balance feedback, along and across the feet [m].
         pace: human speeds that generated motion is limited to; None: not known, no limit.
     """
@@ -203,15 +198,10 @@ class Gait(Strict):
     walk_hip_height: float = Field(gt=0)
     min_hip_height: float = Field(gt=0)
     stride_factor: float = Field(gt=0, le=1.5)
-    max_stride: float = Field(gt=0)
     lateral: tuple[float, float]
     max_foot_yaw: float = Field(gt=0)
     max_toe_in: float = Field(gt=0)
-    swing_min_s: float = Field(gt=0)
     double_support_min_s: float = Field(ge=0)
-    swing_max_foot_speed: float = Field(gt=0)
-    swing_turn_cost: float = Field(default=0.0, ge=0)
-    swing_max_foot_acceleration: float = Field(gt=0)
     clearance: float = Field(gt=0)
     zmp_feedback: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
     pace: GaitPace | None = None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot_file import Gait
 from flexmotion.retarget.human import HumanWindow
-from flexmotion.retarget.swing import PEAK_ACCELERATION
+from flexmotion.retarget.swing import Swings
 
 Float = NDArray[np.float64]
 
@@ -59,12 +59,13 @@ class Footholds:
 
     Args:
         gait: the robot's gait limits.
+        swings: how far its feet get in which time.
         stand_width: distance between the robot's sole centres at its stand pose [m].
         sole_half_length: from a sole's centre to its toe edge [m].
     """
 
-    def __init__(self, gait: Gait, stand_width: float, sole_half_length: float) -> None:
-        self.gait = gait
+    def __init__(self, gait: Gait, swings: Swings, stand_width: float, sole_half_length: float) -> None:
+        self.gait, self.swings = gait, swings
         self.stand_width, self.sole_half_length = stand_width, sole_half_length
 
     def of_swing(
@@ -88,13 +89,14 @@ class Footholds:
             human_feet: positions of the human's feet that these represent, (2, 2) [m].
             seconds: duration of the swing [s].
         """
-        start, stance, longest = feet[side], feet[1 - side], self.gait.max_stride + _STRIDE_TOLERANCE
+        start, stance = feet[side], feet[1 - side]
         for share in _TURN_SHARES:
             turn = (float(start[3]), share)
-            wanted = self.target(window, scaling, side, *human_s, stance, human_feet[1 - side], turn)
-            found = Foothold(self.within_reach(start, wanted.pose, stance, seconds), wanted.human)
-            in_time = self.shortest_swing_s(start, found.pose) <= seconds + 1e-6
-            if in_time and _ahead(stance, found.pose) <= longest:
+            wanted = self.target(window, scaling, side, *human_s, stance, human_feet[1 - side], seconds, turn)
+            found = Foothold(self.swings.farthest(side, start, wanted.pose, seconds), wanted.human)
+            in_time = self.swings.shortest_s(side, start, found.pose) <= seconds + 1e-6
+            ahead = _ahead(stance, found.pose)
+            if in_time and abs(ahead) <= self.swings.stride(seconds, ahead < 0.0) + _STRIDE_TOLERANCE:
                 break
         return found
 
@@ -107,6 +109,7 @@ class Footholds:
         land_s: float,
         stance: Float,
         human_stance: Float,
+        seconds: float,
         turn: tuple[float, float] = (0.0, 1.0),
     ) -> Foothold:
         """Foothold of foot `side` relative to the robot's other foot, within the stance limits of the gait.
@@ -117,6 +120,7 @@ class Footholds:
             stance: pose of the other foot, (4,) [m, m, m, rad].
             human_stance: position of the human's other foot when the robot's was put down for it, (2,) [m]: a foot that
                 slides while it stands moves the human, so it must move the robot. NaN: its position at `land_s`.
+            seconds: duration of the swing, which bounds the stride [s].
             turn: yaw of the foot before the swing [rad], and the share of the turn from there that this step makes.
         """
         gait = self.gait
@@ -134,7 +138,9 @@ class Footholds:
         cos, sin = np.cos(human_yaw), np.sin(human_yaw)
         dx, dy = human[:2] - human_stance[:2]
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
-        forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
+        forward *= gait.stride_factor * scaling.ratio
+        longest = max(self.swings.stride(seconds, forward < 0.0), 1e-6)
+        forward = float(np.clip(forward, -longest, longest))
         wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
         # A turned foot needs room for its corners.
         narrowest = gait.lateral[0] + self.sole_half_length * abs(np.sin(askew))
@@ -142,7 +148,7 @@ class Footholds:
         apart = np.clip(wanted, narrowest, widest)
         # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both.
         aside = (apart - narrowest) / max(widest - narrowest, 1e-6)
-        stretch = max(float(np.hypot(forward / gait.max_stride, aside)), 1.0)
+        stretch = max(float(np.hypot(forward / longest, aside)), 1.0)
         forward, apart = forward / stretch, narrowest + (apart - narrowest) / stretch
         # In sidesteps the feet soon meet each other: the rest of the way is left to the next step of the other foot.
         carry = np.clip(-inward * (apart - wanted) / scaling.ratio, -_MAX_CARRY, _MAX_CARRY)
@@ -153,41 +159,8 @@ class Footholds:
         x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
         return Foothold(np.array([x, y, 0.0, yaw]), human)
 
-    def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
-        """The target, shortened along the stride, not across it, to what the foot can reach in time, (4,).
-
-        Args:
-            start, target: poses of the swing foot, (4,) [m, m, m, rad]; stance: pose of the other foot, (4,).
-            seconds: duration of the swing [s].
-        """
-        gait = self.gait
-        farthest = min(
-            gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
-        )
-        reach = farthest / self._turn_cost(start, target)
-        travel = target[:2] - start[:2]
-        if np.hypot(*travel) <= reach:
-            return target
-        yaw = 0.5 * (stance[3] + target[3])
-        along = np.array([np.cos(yaw), np.sin(yaw)])
-        across = travel - (travel @ along) * along
-        left = np.sqrt(max(reach**2 - across @ across, 0.0))
-        bounded = target.copy()
-        bounded[:2] = start[:2] + across + np.clip(travel @ along, -left, left) * along
-        return bounded
-
-    def shortest_swing_s(self, start: Float, target: Float) -> float:
-        """Duration of the shortest swing that reaches a target [s]; poses of the foot, (4,) [m, m, m, rad]."""
-        gait, away = self.gait, float(np.hypot(*(target - start)[:2])) * self._turn_cost(start, target)
-        by_acceleration = np.sqrt(away * PEAK_ACCELERATION / gait.swing_max_foot_acceleration)
-        return float(max(away / gait.swing_max_foot_speed, by_acceleration))
-
-    def _turn_cost(self, start: Float, target: Float) -> float:
-        """Factor by which the turn of a foot shortens its reach."""
-        return 1.0 + self.gait.swing_turn_cost * float(abs(target[3] - start[3]))
-
 
 def _ahead(stance: Float, pose: Float) -> float:
-    """Distance of a foot before or behind the other foot, in the frame midway between both [m]."""
+    """How far a foot is ahead of the other foot, in the frame midway between both [m]."""
     yaw = 0.5 * (stance[3] + pose[3])
-    return float(abs(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1])))
+    return float(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1]))

@@ -17,6 +17,7 @@ from flexmotion.retarget.footholds import Footholds
 from flexmotion.retarget.human_steps import is_consumed, is_step
 from flexmotion.retarget.step_timing import INSERTED_SWING_S, StepTiming
 from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Step
+from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.view import HumanView
 
 Float = NDArray[np.float64]
@@ -55,14 +56,15 @@ class FootstepPlanner:
 
     Args:
         gait: the robot's gait limits.
+        swings: paths of its feet, and how far they get in which time.
         stand_width: distance between the robot's sole centres at its stand pose [m].
         sole_half_length: from a sole's centre to its toe edge [m].
         rate_hz: loop ticks a second.
     """
 
-    def __init__(self, gait: Gait, stand_width: float, sole_half_length: float, rate_hz: float) -> None:
-        self.footholds = Footholds(gait, stand_width, sole_half_length)
-        self.timing = StepTiming(gait, rate_hz)
+    def __init__(self, gait: Gait, swings: Swings, stand_width: float, sole_half_length: float, rate_hz: float) -> None:
+        self.swings, self.footholds = swings, Footholds(gait, swings, stand_width, sole_half_length)
+        self.timing = StepTiming(gait, swings, rate_hz)
         self.sight_s = UNHURRIED_S + INSERTED_SWING_S + gait.double_support_min_s
         """How far ahead the human must be known for a step to be inserted [s]."""
 
@@ -122,7 +124,7 @@ class FootstepPlanner:
             return steps
         lift = after + self.timing.ticks(UNHURRIED_S)
         # The last step must end beside the other foot: a long or turning one takes more time.
-        seconds = max(INSERTED_SWING_S, self.footholds.shortest_swing_s(left, beside))
+        seconds = max(INSERTED_SWING_S, self.swings.shortest_s(0, left, beside))
         land = lift + int(np.ceil(seconds * self.timing.rate))
         # It uses up no swing of the human.
         last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
@@ -165,7 +167,14 @@ class FootstepPlanner:
         """Distance of both feet from their footholds at a source time, over the distance that is corrected, (2,)."""
         targets = [
             self.footholds.target(
-                view.window, view.scaling, side, second, second, made.feet[1 - side], made.human_feet[1 - side]
+                view.window,
+                view.scaling,
+                side,
+                second,
+                second,
+                made.feet[1 - side],
+                made.human_feet[1 - side],
+                INSERTED_SWING_S,
             ).pose
             for side in (0, 1)
         ]

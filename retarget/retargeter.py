@@ -30,6 +30,7 @@ from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.retarget.state import RetargetState, StateLayout
+from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.torques import JointTorques
 from flexmotion.retarget.view import HumanView, forget_human, view_human
 from flexmotion.retarget.walk import WalkPlanner
@@ -61,20 +62,21 @@ class Retargeter:
         self.body = WholeBody(robot)
         self.layout = StateLayout(robot.n, len(POSTURE) + len(self.body.upper.joints))
         self.follower = posture.follower(robot, self.body)
+        walking = self._upright(self.gait.walk_hip_height)
+        base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
+        self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
+        self.omega = float(np.sqrt(GRAVITY / self.com_height))
+        self.swings = Swings.of(robot, self.body.legs, self.omega)
         self.footsteps = FootstepPlanner(
-            self.gait, self.body.stand_width, float(robot.sole_half_size[:, 0].max()), self.rate
+            self.gait, self.swings, self.body.stand_width, float(robot.sole_half_size[:, 0].max()), self.rate
         )
         if settings.horizon_s < self.footsteps.sight_s:
             raise RetargetError(
                 f"stream settings: horizon_s is {settings.horizon_s:g}, expected at least {self.footsteps.sight_s:g}: "
                 f"{robot.name} cannot insert steps in shorter plans"
             )
-        walking = self._upright(self.gait.walk_hip_height)
-        base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
-        self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
-        self.omega = float(np.sqrt(GRAVITY / self.com_height))
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
-        self.walks = WalkPlanner(self.gait, self.footsteps, absorber, self.rate)
+        self.walks = WalkPlanner(self.footsteps, absorber, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
         self.legs = np.concatenate([leg.indices for leg in self.body.legs])

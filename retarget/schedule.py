@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.retarget.steps import Step
-from flexmotion.retarget.swing import swing_path
+from flexmotion.retarget.swing import Swings
 from flexmotion.spatial.transitions import minimum_jerk
 
 Float = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Schedule:
         ticks: Float,
         quiet: Float,
         rate: float,
-        clearance: float,
+        swings: Swings,
     ) -> Schedule:
         """Lay out `steps`.
 
@@ -55,7 +55,7 @@ class Schedule:
             ticks: loop tick of each row, (T,).
             quiet: load share of the right foot while the weight does not move for a step, (T,).
             rate: rows a second.
-            clearance: height of a swing [m].
+            swings: paths of the feet.
         """
         paths = np.broadcast_to(feet, (len(ticks), 2, 4)).copy()
         contacts = np.ones((len(ticks), 2), np.bool_)
@@ -63,7 +63,7 @@ class Schedule:
         for step in steps:
             moving = ticks >= step.lift
             phase = (ticks - step.lift) / (step.land - step.lift)
-            paths[moving, step.side] = swing_path(phase[moving], step.start, step.target, clearance)
+            paths[moving, step.side] = swings.path(phase[moving], step.side, step.start, step.target)
             contacts[moving & (ticks < step.land), step.side] = False
             walking |= (ticks >= step.lift - _CROUCH_BEFORE_S * rate) & (ticks < step.land + _CROUCH_AFTER_S * rate)
         return cls(paths, contacts, _load_share(landed, last_stance, steps, ticks, quiet, SHIFT_S * rate), walking)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot_file import Gait
 from flexmotion.retarget.human import Swing
+from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.view import HumanView
 
 Float = NDArray[np.float64]
@@ -29,11 +30,12 @@ class StepTiming:
 
     Args:
         gait: the robot's gait limits.
+        swings: how long its swings take.
         rate_hz: loop ticks a second.
     """
 
-    def __init__(self, gait: Gait, rate_hz: float) -> None:
-        self.gait, self.rate = gait, rate_hz
+    def __init__(self, gait: Gait, swings: Swings, rate_hz: float) -> None:
+        self.gait, self.swings, self.rate = gait, swings, rate_hz
         self.pause = round(gait.double_support_min_s * rate_hz)
         """Ticks from a touch-down to the lift of the other foot, at least."""
         self._same_foot_rest = round(_SAME_FOOT_REST_S * rate_hz)
@@ -68,4 +70,4 @@ class StepTiming:
         lifts = (view.tick_at(other.lift_s) for other in view.window.swings if other.lift_s > swing.land_s)
         latest = min(lifts, default=land) - self.pause
         land = max(land, min(latest, land + self.ticks(_LATER_S)))
-        return max(land, lift + int(np.ceil(self.gait.swing_min_s * self.rate)))
+        return max(land, lift + int(np.ceil(self.swings.least_s * self.rate)))

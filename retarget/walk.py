@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.robot_file import Gait
 from flexmotion.retarget import balance, posture
 from flexmotion.retarget.footsteps import FeetState, FootstepPlanner
 from flexmotion.retarget.joining import Absorbed, JoinAbsorber
@@ -48,14 +47,13 @@ class WalkPlanner:
     """Plans steps and balance of one robot.
 
     Args:
-        gait: the robot's gait limits.
         footsteps: chooses the steps.
         absorber: lets the divergent component start where the last plan left it.
         rate_hz: loop ticks a second.
     """
 
-    def __init__(self, gait: Gait, footsteps: FootstepPlanner, absorber: JoinAbsorber, rate_hz: float) -> None:
-        self.gait, self.footsteps, self.absorber, self.rate = gait, footsteps, absorber, rate_hz
+    def __init__(self, footsteps: FootstepPlanner, absorber: JoinAbsorber, rate_hz: float) -> None:
+        self.footsteps, self.absorber, self.rate = footsteps, absorber, rate_hz
         self._put_off = [int(round(seconds * rate_hz)) for seconds in _PUT_OFF_S]
 
     def follow(self, state: RetargetState, view: HumanView) -> Walk:
@@ -130,7 +128,7 @@ class WalkPlanner:
             ticks,
             quiet,
             self.rate,
-            self.gait.clearance,
+            self.footsteps.swings,
         )
         # Hips that are low for a step stay low to the end: a plan ends at rest, not while the hips rise.
         tail = schedule.walking[follow:]

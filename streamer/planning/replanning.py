@@ -94,7 +94,11 @@ class Replanner:
             body, home = planner.retargeter.body, np.full(planner.retargeter.robot.n, np.nan)
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
             self._runner = StepRunner(
-                source, planner.rate, self._ended, RobotSize.of(planner.retargeter.robot.gait), home
+                source,
+                planner.rate,
+                self._ended,
+                RobotSize.of(planner.retargeter.gait, planner.retargeter.swings),
+                home,
             )
         self._mirroring: Mirroring | None = None
         if isinstance(source, MirrorSource):

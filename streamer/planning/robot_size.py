@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.swing import Swings
 
 
 @dataclass(frozen=True)
@@ -22,11 +23,9 @@ class RobotSize:
     slowest: float
 
     @classmethod
-    def of(cls, gait: Gait) -> RobotSize:
-        """The size of a robot; without a measured pace a quarter of its longest strides at their fastest."""
-        steps_per_s = 1.0 / (gait.swing_min_s + gait.double_support_min_s)
-        slowest = 0.25 * gait.max_stride * steps_per_s if gait.pace is None else gait.pace.aside
-        return cls(gait.max_stride, slowest)
+    def of(cls, gait: Gait, swings: Swings) -> RobotSize:
+        """The size of a robot; without a measured pace its slowest speed is a quarter of that of a steady walk."""
+        return cls(swings.longest_stride, 0.25 * swings.speed if gait.pace is None else gait.pace.aside)
 
     @property
     def near(self) -> float:

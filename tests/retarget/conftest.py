@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.configs.robot_file import Gait
 from flexmotion.configs.stream import StreamSettings, load_stream
 from flexmotion.human.body import Body
 from flexmotion.human.contacts import ContactDetector
@@ -20,7 +19,7 @@ from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.steps import Step
-from flexmotion.retarget.swing import PEAK_ACCELERATION
+from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.view import HumanView
 
 FPS = 30.0
@@ -31,18 +30,9 @@ Windows = Callable[[Motion], HumanWindow]
 Views = Callable[..., HumanView]
 
 
-def reach(gait: Gait, step: Step) -> float:
-    """Longest distance that a foot may move in a step [m]."""
-    seconds = (step.land - step.lift) / RATE
-    farthest = min(
-        gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
-    )
-    return float(farthest / (1.0 + gait.swing_turn_cost * abs(step.target[3] - step.start[3])))
-
-
-def distance(step: Step) -> float:
-    """Distance that the foot moves [m]."""
-    return float(np.hypot(*(step.target - step.start)[:2]))
+def in_time(swings: Swings, step: Step) -> bool:
+    """Whether the servos swing the foot as fast as a step asks."""
+    return swings.shortest_s(step.side, step.start, step.target) <= (step.land - step.lift) / RATE + 1e-6
 
 
 def step_script(steps: Sequence[tuple[str, float, float, float]], seconds: float, clearance: float = 0.09) -> Script:
@@ -71,6 +61,11 @@ def stream() -> StreamSettings:
 @pytest.fixture(scope="session")
 def retargeter(op3: Robot, stream: StreamSettings) -> Retargeter:
     return Retargeter(op3, stream)
+
+
+@pytest.fixture(scope="session")
+def swings(retargeter: Retargeter) -> Swings:
+    return retargeter.swings
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from flexmotion.retarget.footsteps import EXACT_YAW, FeetState
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Step
 
-from .conftest import RATE, Views, Windows, distance, reach, step_script
+from .conftest import RATE, Views, Windows, in_time, step_script
 
 Planned = Callable[..., list[Step]]
 
@@ -51,13 +51,13 @@ def test_steps_keep_to_the_gait_limits(plan: Planned, walk: Motion, retargeter: 
     before = -np.inf
     for step in plan(walk):
         np.testing.assert_array_equal(step.start, feet[step.side])
-        assert step.land - step.lift >= gait.swing_min_s * RATE - 1
+        assert step.land - step.lift >= retargeter.swings.least_s * RATE - 1
         assert step.lift - before >= gait.double_support_min_s * RATE - 1e-9
         stance = feet[step.stance]
-        assert abs(step.target[0] - stance[0]) <= gait.max_stride + 1e-9
+        assert abs(step.target[0] - stance[0]) <= retargeter.swings.stride((step.land - step.lift) / RATE) + 1e-9
         apart = (step.target[1] - stance[1]) * (1 if step.side == 0 else -1)
         assert gait.lateral[0] - 1e-9 <= apart <= gait.lateral[1] + 1e-9
-        assert distance(step) <= reach(gait, step) + 1e-9
+        assert in_time(retargeter.swings, step)
         feet[step.side], before = step.target, step.land
 
 
@@ -219,7 +219,7 @@ def test_feet_in_the_opposite_stride_are_corrected_within_reach(
     steps = plan(in_stride, feet=feet, at_rest=False)
     assert steps and all(step.inserted for step in steps)
     for step in steps:
-        assert distance(step) <= reach(retargeter.gait, step) + 1e-9
+        assert in_time(retargeter.swings, step)
         feet[step.side] = step.target
     assert np.abs(feet[:, 3]).max() < 0.3
     assert feet[1, 0] - feet[0, 0] > 0.03
@@ -233,7 +233,7 @@ def test_the_step_that_ends_a_stop_takes_the_time_it_needs(retargeter: Retargete
     ahead = 0.11 * np.array([np.cos(frame), np.sin(frame)]) + 0.12 * np.array([-np.sin(frame), np.cos(frame)])
     feet[0] = [*(feet[1, :2] + ahead), 0.0, turn]
     (last,) = footsteps.gather([], feet, after=100)
-    assert distance(last) <= reach(retargeter.gait, last) + 1e-9
+    assert in_time(retargeter.swings, last)
     assert 0.4 <= (last.land - last.lift) / RATE < 0.5
     assert np.hypot(*(last.target - feet[1])[:2]) == pytest.approx(retargeter.body.stand_width)
 

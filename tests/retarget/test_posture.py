@@ -19,7 +19,7 @@ ROWS = 125
 def standing(retargeter: Retargeter) -> Schedule:
     ticks = np.arange(ROWS, dtype=float)
     feet = retargeter.body.home_feet
-    return Schedule.of(feet, -1e9, 0.0, [], ticks, np.full(ROWS, 0.5), 125.0, 0.02)
+    return Schedule.of(feet, -1e9, 0.0, [], ticks, np.full(ROWS, 0.5), 125.0, retargeter.swings)
 
 
 @pytest.fixture

@@ -1,17 +1,28 @@
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
 from flexmotion.retarget.steps import Step
+from flexmotion.retarget.swing import Swings
 
 RATE = 125.0
-CLEARANCE = 0.022
 FEET = np.array([[0.0, 0.05, 0.0, 0.0], [0.0, -0.05, 0.0, 0.0]])
 LONG_AGO = -1e9
+
+
+@cache
+def swings() -> Swings:
+    """Those of OP3."""
+    return Retargeter(load_robot("op3"), load_stream()).swings
 
 
 def step(side: int, lift: int, land: int, x: float = 0.1) -> Step:
@@ -21,7 +32,7 @@ def step(side: int, lift: int, land: int, x: float = 0.1) -> Step:
 
 def lay_out(steps: list[Step], rows: int = 500, *, landed: float = LONG_AGO, stance: float = 0.0) -> Schedule:
     ticks = np.arange(rows, dtype=float)
-    return Schedule.of(FEET, landed, stance, steps, ticks, np.full(rows, 0.5), RATE, CLEARANCE)
+    return Schedule.of(FEET, landed, stance, steps, ticks, np.full(rows, 0.5), RATE, swings())
 
 
 def test_without_steps_both_feet_stay_in_place_and_share_the_load() -> None:
@@ -41,14 +52,14 @@ def test_a_foot_is_in_the_air_from_lift_to_land_and_then_at_its_target() -> None
     np.testing.assert_array_equal(schedule.feet[:, 0], np.tile(FEET[0], (500, 1)))
     np.testing.assert_array_equal(schedule.feet[:101, 1], np.tile(FEET[1], (101, 1)))
     np.testing.assert_allclose(schedule.feet[150:, 1], np.tile(move.target, (350, 1)), atol=1e-12)
-    assert schedule.feet[100:150, 1, 2].max() == pytest.approx(CLEARANCE, rel=0.01)
+    assert schedule.feet[100:150, 1, 2].max() == pytest.approx(swings().clearance, rel=0.05)
 
 
 def test_a_plan_that_starts_in_mid_swing_continues_the_path() -> None:
     move = step(1, 100, 150)
     whole = lay_out([move])
     middle = Schedule.of(
-        whole.feet[120], LONG_AGO, 0.0, [move], np.arange(120.0, 300.0), np.full(180, 0.5), RATE, CLEARANCE
+        whole.feet[120], LONG_AGO, 0.0, [move], np.arange(120.0, 300.0), np.full(180, 0.5), RATE, swings()
     )
     np.testing.assert_allclose(middle.feet, whole.feet[120:300], atol=1e-12)
     np.testing.assert_array_equal(middle.contacts, whole.contacts[120:300])
@@ -76,7 +87,7 @@ def walks(draw: st.DrawFn) -> list[Step]:
 def test_the_stance_foot_has_all_the_load_and_the_load_has_no_jumps(steps: list[Step], quiet: float) -> None:
     rows = steps[-1].land + 200
     ticks = np.arange(rows, dtype=float)
-    share = Schedule.of(FEET, LONG_AGO, 0.0, steps, ticks, np.full(rows, quiet), RATE, CLEARANCE).share
+    share = Schedule.of(FEET, LONG_AGO, 0.0, steps, ticks, np.full(rows, quiet), RATE, swings()).share
     assert (share >= 0.0).all() and (share <= 1.0).all()
     for move in steps:
         np.testing.assert_array_equal(share[move.lift : move.land], move.stance)
@@ -97,6 +108,6 @@ def test_the_load_starts_on_the_stance_foot_of_the_step_before_the_plan() -> Non
 
 def test_the_feet_are_copied() -> None:
     feet = FEET.copy()
-    schedule = Schedule.of(feet, LONG_AGO, 0.0, [], np.arange(3.0), np.full(3, 0.5), RATE, CLEARANCE)
+    schedule = Schedule.of(feet, LONG_AGO, 0.0, [], np.arange(3.0), np.full(3, 0.5), RATE, swings())
     schedule.feet[:] = 7.0
     np.testing.assert_array_equal(feet, FEET)

@@ -14,7 +14,7 @@ from .conftest import RATE, Views
 
 @pytest.fixture
 def timing(retargeter: Retargeter) -> StepTiming:
-    return StepTiming(retargeter.gait, RATE)
+    return StepTiming(retargeter.gait, retargeter.swings, RATE)
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_a_step_lasts_at_least_the_shortest_swing(
 ) -> None:
     swing = walking.window.swings[0]
     lift = walking.tick_at(swing.land_s)
-    assert timing.landing(walking, swing, lift) == lift + np.ceil(retargeter.gait.swing_min_s * RATE)
+    assert timing.landing(walking, swing, lift) == lift + np.ceil(retargeter.swings.least_s * RATE)
 
 
 def test_a_swing_without_a_landing_is_assumed_to_last_a_while(timing: StepTiming, view: Views, walk: Motion) -> None:

@@ -21,7 +21,7 @@ def state(retargeter: Retargeter) -> RetargetState:
 @pytest.fixture
 def schedule(retargeter: Retargeter) -> Schedule:
     ticks = np.arange(ROWS, dtype=float)
-    return Schedule.of(retargeter.body.home_feet, -1e9, 0.0, [], ticks, np.full(ROWS, 0.5), RATE, 0.02)
+    return Schedule.of(retargeter.body.home_feet, -1e9, 0.0, [], ticks, np.full(ROWS, 0.5), RATE, retargeter.swings)
 
 
 def repeated(row: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from flexmotion.streamer.planning.standstill import Closing, Standstill
 DT = 0.02
 PACE = Pace(0.9, 0.45, 0.18, 0.7)
 GAIT = load_robot("op3").gait
-SIZE = RobotSize.of(GAIT)
+SIZE = RobotSize(stride=0.105, slowest=GAIT.pace.aside if GAIT.pace else 0.0)
 WALKS = 0.2
 """Speed of the robot over that of its human."""
 
@@ -150,7 +150,7 @@ def test_a_robot_that_sways_for_ever_counts_as_standing_after_a_while() -> None:
 
 def test_what_is_near_and_what_is_still_is_so_by_the_size_of_the_robot() -> None:
     """A robot of five times OP3's size was held to its 8 mm of standing still, and turned to a place a stride away."""
-    large = RobotSize.of(GAIT.model_copy(update={"max_stride": 5.0 * GAIT.max_stride, "pace": None}))
+    large = RobotSize(5.0 * SIZE.stride, 5.0 * SIZE.slowest)
     place, aside = np.zeros(3), Waypoint(0.0, 1.0)
     assert Navigator(aside, PACE, place, 0.0, SIZE).phase is Phase.TURN
     assert Navigator(aside, PACE, place, 0.0, large).phase is Phase.WALK

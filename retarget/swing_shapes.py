@@ -1,0 +1,134 @@
+"""Shapes of swings: how far a foot is on its way, and how high, so that the servos can swing it in the shortest time.
+
+Both are cubic splines over the phase. Their control points and the duration are found by sequential linear programming:
+what the swing asks of the servos is linear in small changes of them, and so is the height that the floor asks for. The
+result depends on the robot alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.optimize import linprog
+
+from flexmotion.retarget.swing_effort import SwingEffort
+from flexmotion.spatial.transitions import minimum_jerk
+
+Float = NDArray[np.float64]
+
+_DEGREE, _PIECES = 3, 7
+"""Of the splines; with nine pieces swings are 2 % shorter."""
+_FIRST_S, _LEAST_S = 0.5, 0.15
+"""Duration with which the search begins, and the least [s]."""
+_ROUNDS, _TRUST, _TRUST_DECAY, _TRUST_S = 10, 0.08, 0.75, 0.25
+"""Linear programmes, and how far each may move control points and duration [s]."""
+_DIFFERENCE = 1e-4
+"""Step of the finite differences."""
+_PENALTY = 20.0
+"""Price of a broken constraint [s]."""
+TOLERANCE = 0.02
+"""By how much the best swing may pass the constraints."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Splines that begin and end at rest: control points of their middle, their ends are fixed.
+
+    Args:
+        phase: where they are evaluated, (R,) in [0, 1].
+
+    Attributes:
+        middle: of the free control points, (R, k).
+        end: of those that are 1 where the spline ends at 1, (R,).
+    """
+
+    middle: Float
+    end: Float
+
+    @classmethod
+    def at(cls, phase: Float) -> Basis:
+        """Evaluate them at phases."""
+        ends = np.zeros(_DEGREE), np.ones(_DEGREE)
+        knots = np.concatenate([ends[0], np.linspace(0.0, 1.0, _PIECES + 1), ends[1]])
+        values = BSpline.design_matrix(np.clip(phase, 0.0, 1.0), knots, _DEGREE).toarray()
+        # Two points at an end are its position and speed.
+        return cls(values[:, 2:-2], values[:, -2:].sum(axis=1))
+
+    def progress(self, shape: Shape) -> Float:
+        """Share of the way of a shape, (R,)."""
+        found: Float = self.end + self.middle @ shape.progress
+        return found
+
+    def height(self, shape: Shape) -> Float:
+        """Height of a shape over the clearance, (R,)."""
+        found: Float = self.middle @ shape.height
+        return found
+
+    @property
+    def free(self) -> int:
+        """Number of free control points."""
+        return self.middle.shape[1]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Control points of progress and of height over clearance, (k,) each, and the duration of the swing [s]."""
+
+    progress: Float
+    height: Float
+    seconds: float
+
+
+def between(one: Shape, other: Shape) -> Shape:
+    """The mean of two shapes."""
+    return Shape(*(0.5 * (a + b) for a, b in zip(vars(one).values(), vars(other).values(), strict=True)))
+
+
+def floor_clearance(progress: Float) -> Float:
+    """Height over the floor that a foot must have, over the robot's clearance: a parabola over its way, (...)."""
+    return 4.0 * progress * (1.0 - progress)
+
+
+def fastest_shape(effort: SwingEffort, travel: Float) -> Shape | None:
+    """The shape with the shortest swing; None where none was found that the servos can make.
+
+    Args:
+        effort: what swings ask of the robot's servos.
+        travel: of the foot, (3,) [m, m, rad].
+    """
+    basis, clearance = Basis.at(effort.phase), effort.gait.clearance
+    k = basis.free
+    first = minimum_jerk(effort.phase)
+    progress = np.linalg.lstsq(basis.middle, first - basis.end, rcond=None)[0]
+    height = np.linalg.lstsq(basis.middle, 1.2 * floor_clearance(first), rcond=None)[0]
+    x = np.concatenate([progress, height, [_FIRST_S]])
+    best, shortest = None, np.inf
+    for number in range(_ROUNDS):
+        tried = np.concatenate([x[None], x + _DIFFERENCE * np.eye(len(x))])
+        p, z = basis.end + tried[:, :k] @ basis.middle.T, tried[:, k:-1] @ basis.middle.T
+        asked = effort.asked(p, clearance * z, np.broadcast_to(travel, (len(tried), 3)), tried[:, -1])
+        asked = np.nan_to_num(asked.reshape(len(tried), -1), nan=9.0)
+        # Each row: at most 0.
+        values = np.hstack([asked - 1.0, -asked - 1.0, floor_clearance(p) - z, -z])
+        excess = float(values[0].max())
+        if excess < TOLERANCE and x[-1] < shortest:
+            best, shortest = x, float(x[-1])
+        near = values[0] > -1.0
+        slopes = (values[1:, near] - values[0, near]).T / _DIFFERENCE
+        trust = np.full(len(x), _TRUST * _TRUST_DECAY**number)
+        trust[-1] = _TRUST_S * _TRUST_DECAY**number
+        least = np.append(-trust, 0.0)
+        least[len(x) - 1] = max(-trust[-1], _LEAST_S - x[-1])
+        solved = linprog(
+            np.concatenate([np.zeros(len(x) - 1), [1.0, _PENALTY]]),
+            A_ub=np.column_stack([slopes, np.full(len(slopes), -1.0)]),
+            b_ub=-values[0, near],
+            bounds=list(zip(least.tolist(), [*trust.tolist(), np.inf], strict=True)),
+        )
+        if solved.x is None:
+            break
+        x = x + solved.x[:-1]
+    return None if best is None else Shape(best[:k], best[k:-1], shortest)
