@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.arm_clearance import BodyClearance
+from flexmotion.spatial.heading import matrix_heading
 
 Float = NDArray[np.float64]
 
@@ -40,35 +42,46 @@ class ArmTargets:
     Attributes:
         upper, fore: unit vectors of the human's upper arms and forearms, (..., 2, 3).
         hand_weight: weight of the position of the hand, (..., 2).
+        lean: pitch of the robot's trunk forward, (...) [rad].
     """
 
     upper: Float
     fore: Float
     hand_weight: Float
+    lean: Float
 
     @classmethod
-    def of(cls, human: HumanKinematics, chain: ArmChain) -> ArmTargets:
-        """Targets of each frame for the arms of a robot; without elbow both segments are from shoulder to hand."""
+    def of(cls, human: HumanKinematics, chain: ArmChain, most_lean: float = 0.5 * np.pi) -> ArmTargets:
+        """Targets of each frame for the arms of a robot; without elbow both segments are from shoulder to hand.
+
+        Args:
+            most_lean: greatest pitch of the robot's trunk [rad].
+        """
         torso = human.torso_rotation[:, None].swapaxes(-1, -2)
         whole = _unit((torso @ (human.hand - human.shoulder)[..., None])[..., 0])
         raised = np.arccos(np.clip(-whole[..., 2], -1.0, 1.0))
         low, high = _RAISED
         share = np.clip((raised - low) / (high - low), 0.0, 1.0)
         weight = _HAND_WEIGHT * share * share * (3.0 - 2.0 * share)
+        up, yaw = human.torso_rotation[:, :, 2], matrix_heading(human.torso_rotation)
+        lean = np.clip(np.arctan2(np.cos(yaw) * up[:, 0] + np.sin(yaw) * up[:, 1], up[:, 2]), 0.0, most_lean)
         if not chain.has_elbow:
-            return cls(whole, whole, weight)
+            return cls(whole, whole, weight, lean)
         upper = _unit((torso @ (human.elbow - human.shoulder)[..., None])[..., 0])
         fore = _unit((torso @ (human.hand - human.elbow)[..., None])[..., 0])
-        return cls(upper, fore, weight)
+        return cls(upper, fore, weight, lean)
 
     def frames(self, rows: NDArray[np.int64]) -> ArmTargets:
         """Those of some frames."""
-        return ArmTargets(self.upper[rows], self.fore[rows], self.hand_weight[rows])
+        return ArmTargets(self.upper[rows], self.fore[rows], self.hand_weight[rows], self.lean[rows])
 
     def repeated(self, count: int) -> ArmTargets:
         """The same for several poses of each frame, (F, count, 2, ...)."""
         return ArmTargets(
-            *(np.repeat(array[:, None], count, axis=1) for array in (self.upper, self.fore, self.hand_weight))
+            *(
+                np.repeat(array[:, None], count, axis=1)
+                for array in (self.upper, self.fore, self.hand_weight, self.lean)
+            )
         )
 
 
@@ -77,11 +90,12 @@ class ArmCost:
 
     Args:
         chain: the arms.
+        clearance: keeps them out of the body.
         rest: joint angles that they have where nothing else decides, (2, m) [rad].
     """
 
-    def __init__(self, chain: ArmChain, rest: Float) -> None:
-        self.chain, self.rest = chain, rest
+    def __init__(self, chain: ArmChain, clearance: BodyClearance, rest: Float) -> None:
+        self.chain, self.clearance, self.rest = chain, clearance, rest
         self._shares = chain.lengths / chain.lengths.sum(axis=1, keepdims=True)
 
     def compare(self, targets: ArmTargets, upper: Float, fore: Float) -> Float:
@@ -133,15 +147,16 @@ class ArmCost:
         return np.clip(q + _bounded(step), lower, upper)
 
     def _residual(self, targets: ArmTargets, q: Float) -> tuple[Float, Float]:
-        """Residuals (..., 2, 9) and their derivatives by the joints, (..., 2, m, 9)."""
+        """Residuals (..., 2, R) and their derivatives by the joints, (..., 2, m, R)."""
         poses = self.chain.poses(q)
         upper, fore = poses.upper - targets.upper, poses.fore - targets.fore
         a, b = self._shares[:, :1], self._shares[:, 1:]
         root = np.sqrt(targets.hand_weight)[..., None]
-        residual = np.concatenate([upper, fore, root * (a * upper + b * fore)], axis=-1)
+        depth, slope = self.clearance.residual(poses, targets.lean)
+        residual = np.concatenate([upper, fore, root * (a * upper + b * fore), depth], axis=-1)
         du, df = poses.upper_jacobian, poses.fore_jacobian
         hand = root[..., None] * (a[..., None] * du + b[..., None] * df)
-        return residual, np.concatenate([du, df, hand], axis=-1)
+        return residual, np.concatenate([du, df, hand, slope], axis=-1)
 
 
 def _bounded(step: Float) -> Float:

@@ -17,6 +17,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.retarget.arm_branches import ArmBranches
 from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.arm_clearance import BodyClearance
 from flexmotion.retarget.arm_cost import ArmCost, ArmTargets
 from flexmotion.retarget.arm_path import ArmPath
 from flexmotion.spatial.rotations import zyx_yaw_pitch
@@ -50,7 +51,7 @@ class UpperBody:
         self.joints = np.concatenate([*self.arms, np.array(sorted(self.head.values()), dtype=int)])
         self._head_signs = self._signs()
         speed = SPEED_SHARE * robot.no_load_speed[self.arms]
-        cost = ArmCost(self.chain, robot.stand_pose[self.arms])
+        cost = ArmCost(self.chain, BodyClearance(robot, self.chain), robot.stand_pose[self.arms])
         self._branches, self._path = ArmBranches(self.chain, cost, speed), ArmPath(self.chain, cost, speed)
 
     def _signs(self) -> dict[str, float]:
@@ -82,7 +83,7 @@ class UpperBody:
         Returns:
             Angles of `self.joints`, (F, U) [rad], inside their limits, and what the arms followed.
         """
-        targets = ArmTargets.of(human, self.chain)
+        targets = ArmTargets.of(human, self.chain, self.robot.safety.fall_tilt)
         chosen = self._branches.choose(targets, self._of_arms(start), fps)
         checkpoint()
         known = None if before is None else self._of_arms(before)

@@ -49,6 +49,7 @@ class LikenessRun:
     Attributes:
         plan_ms: median time of the retargeting of a plan [ms].
         self_collisions: number of contacts of the robot with itself.
+        faults: of the run; one ends it, so that what came after was not followed.
     """
 
     clip: ListedClip
@@ -56,6 +57,7 @@ class LikenessRun:
     upright: bool
     plan_ms: float
     self_collisions: int
+    faults: int = 0
 
 
 @lru_cache
@@ -88,6 +90,7 @@ def follow(numbered: tuple[int, ListedClip], folder: Path) -> LikenessRun:
         upright=not report.motion.fell,
         plan_ms=1e3 * float(np.median([plan.retarget_s for plan in record.plans])),
         self_collisions=report.motion.self_collisions or 0,
+        faults=len(report.safety.faults),
     )
 
 
@@ -102,7 +105,7 @@ def clip_table(runs: Sequence[LikenessRun]) -> Table:
             run.clip.kind,
             run.clip.name,
             "perturbed" if run.clip.perturbed else "",
-            "yes" if run.upright else "fell",
+            "fell" if not run.upright else "fault" if run.faults else "yes",
             f"{own.upper_arm_deg:.1f}",
             f"{own.forearm_deg:.1f}",
             str(own.spurious_swings),
@@ -124,6 +127,7 @@ def figures_of(runs: Sequence[LikenessRun]) -> dict[str, Any]:
         "spurious_swings": sum(run.figures.spurious_swings for run in runs),
         "pitch_share": float(np.mean(shares)) if shares else None,
         "self_collisions": sum(run.self_collisions for run in runs),
+        "faults": sum(run.faults > 0 for run in runs),
     }
 
 
@@ -160,6 +164,7 @@ def verdicts(runs: Sequence[LikenessRun]) -> list[Verdict]:
             share is None or share >= PITCH_SHARE,
         ),
         Verdict(f"upright: {percent(up)} (100 %)", all(up)),
+        Verdict(f"runs that ended by a fault: {every['faults']} (0)", every["faults"] == 0),
     ]
 
 
