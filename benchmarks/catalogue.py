@@ -75,6 +75,9 @@ class Benchmark:
 
 CATALOGUE = (
     Benchmark("robot/clips", "4 min", (Need.CLIPS,), "a standing clip falls; walked below 90 %; pace below 5x"),
+    Benchmark(
+        "robot/likeness", "3 min", (Need.CLIPS,), "gestures off by 20/22°, a spurious swing, pitch below .85, a fall"
+    ),
     Benchmark("robot/prompts", "30 min", (), "upright, or done, below 90 % (gestures), 80 % (locomotion)"),
     Benchmark("robot/sentences", "5 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("robot/pace", "5 min", (), "at `gait.pace` below .4 of the way, .7 of its best speed, 90 % upright"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexmotion.configs.schema import Strict
 from flexmotion.configs.versions import FormatVersions
@@ -137,11 +137,16 @@ class Leg(Strict):
 
 
 class Arm(Strict):
-    """Joint names of a three-axis arm."""
+    """Joint names of an arm by part; the parts are free, such as `sho_pitch` and `el`, and there is at least one."""
 
-    sho_pitch: Name
-    sho_roll: Name
-    el: Name
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Name]
+
+    @model_validator(mode="after")
+    def _has_joints(self) -> Self:
+        if not self.__pydantic_extra__:
+            raise ValueError("an arm needs at least one joint")
+        return self
 
 
 class Head(Strict):

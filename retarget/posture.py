@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.arms import SPEED_SHARE
+from flexmotion.retarget.bend import TrunkBend
 from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.schedule import Schedule
@@ -19,11 +22,13 @@ _OMEGA = np.array([9.0, 12.0, 12.0, 12.0])
 _SPEED = np.array([0.25, 1.5, 1.5, 2.0])
 _ACCELERATION = np.array([3.0, 20.0, 20.0, 20.0])
 """Trunk channels: natural frequency [1/s] and bounds [m/s, rad/s and per second]."""
-_UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 45.0, 0.6
-"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed. The bound is set by
-the servo's torque: its rotor and gears have more inertia than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N·m)."""
-_TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.60]])
-"""Bounds of the torso's roll and pitch [rad]."""
+_UPPER_OMEGA, _UPPER_ACCELERATION = 22.0, 45.0
+"""Arms and head: natural frequency [1/s], and bound [rad/s²]. The bound is set by the servo's torque: its rotor and
+gears have more inertia than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N·m)."""
+_ROLL, _PITCH_BACK = 0.20, 0.20
+"""Bounds of the torso's roll, and of its pitch to the back [rad]; forward, `TrunkBend` bounds it."""
+_WALKING_PITCH = 0.60
+"""Bound of the pitch forward near steps [rad]."""
 _WALKING_TILT = 0.35
 """Share of the human's trunk tilt that the robot follows near steps."""
 _TWIST = 0.35
@@ -38,7 +43,7 @@ def follower(robot: Robot, body: WholeBody) -> Follower:
     count = len(upper)
     return Follower(
         omega=np.concatenate([_OMEGA, np.full(count, _UPPER_OMEGA)]),
-        speed=np.concatenate([_SPEED, _UPPER_SPEED_SHARE * robot.no_load_speed[upper]]),
+        speed=np.concatenate([_SPEED, SPEED_SHARE * robot.no_load_speed[upper]]),
         acceleration=np.concatenate([_ACCELERATION, np.full(count, _UPPER_ACCELERATION)]),
         dt=1.0 / robot.rate_hz,
     )
@@ -68,11 +73,18 @@ def trunk_targets(gait: Gait, schedule: Schedule) -> Float:
 
 
 def human_trunk(
-    gait: Gait, schedule: Schedule, window: HumanWindow, scaling: Scaling, seconds: Float, omega: Float
+    gait: Gait,
+    bend: TrunkBend,
+    schedule: Schedule,
+    window: HumanWindow,
+    scaling: Scaling,
+    seconds: Float,
+    omega: Float,
 ) -> Float:
     """Targets of the trunk from the human's, (T, 4), bounded for the robot and ahead by the lag of each filter.
 
     Args:
+        bend: how far the trunk may bend.
         seconds: source time of each row, constant after the last frame, (T,) [s].
         omega: natural frequency of each channel of the follower, (>= 4,) [1/s].
     """
@@ -88,8 +100,49 @@ def human_trunk(
     targets[:, 0] = np.clip(np.minimum(targets[:, 0], crouch), gait.min_hip_height, None)
     gain = np.where(schedule.walking, _WALKING_TILT, 1.0)
     tilt = window.tilt
-    for axis, channel in ((0, 1), (1, 2)):
-        targets[:, channel] = np.clip(gain * ahead(tilt[:, axis], channel), *_TILT_LIMITS[axis])
+    targets[:, 1] = np.clip(gain * ahead(tilt[:, 0], 1), -_ROLL, _ROLL)
+    least, most = bend.bounds(targets[:, 0])
+    most = np.where(schedule.walking, np.minimum(most, _WALKING_PITCH), most)
+    targets[:, 2] = np.clip(gain * ahead(tilt[:, 1], 2), np.maximum(least, -_PITCH_BACK), most)
     yaw = ahead(window.yaws[:, 2], 3) + scaling.heading
     targets[:, 3] += np.clip(yaw - targets[:, 3], -_TWIST, _TWIST)
     return targets
+
+
+def frames_before(position: Float, velocity: Float, now: float, first: float, fps: float) -> Float | None:
+    """Angles at the two frames before the first of a window, by the filter's state, oldest first, (2, U) [rad].
+
+    Args:
+        position, velocity: of the upper body's joints, (U,) [rad, rad/s].
+        now: source time of that state [s]; first: source time of the window's first frame [s].
+        fps: frames a second.
+
+    Returns:
+        None where the window begins later than the next frame, as before the first frame of a source.
+    """
+    frame = 1.0 / fps
+    if first - now > frame:
+        return None
+    newest = first - frame - now
+    found: Float = position + np.array([[newest - frame], [newest]]) * velocity
+    return found
+
+
+def upper_targets(window: HumanWindow, angles: Float, arms: int, seconds: Float, last: float) -> Float:
+    """Targets of the filter of arms and head, (T, U) [rad].
+
+    Arms pass the filter unchanged: the target x + 2 x' / w + x'' / w² is the inverse of a critically damped filter of
+    natural frequency w. The head's angles are as they were measured, too rough for derivatives: they are taken ahead by
+    the filter's lag.
+
+    Args:
+        angles: of each frame, arms before head, (F, U) [rad]; arms: number of arm joints.
+        seconds: source time of each row, constant after the last frame, (T,) [s]; last: the last of these times [s].
+    """
+    path = CubicSpline(window.times, angles[:, :arms], bc_type="natural")
+    first = window.times[0]
+    inside = ((seconds > first) & (seconds < last))[:, None]
+    at = np.clip(seconds, first, last)
+    lead = np.where(inside, path(at, 1) * (2.0 / _UPPER_OMEGA) + path(at, 2) / _UPPER_OMEGA**2, 0.0)
+    head = window.at(angles[:, arms:], np.minimum(seconds + 2.0 / _UPPER_OMEGA, last))
+    return np.hstack([path(at) + lead, head])

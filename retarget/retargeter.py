@@ -20,6 +20,8 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
+from flexmotion.retarget.arm_cost import ArmTargets
+from flexmotion.retarget.bend import TrunkBend
 from flexmotion.retarget.drafting import DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, changeable, effort
@@ -61,6 +63,7 @@ class Retargeter:
         self.horizon = int(round(settings.horizon_s * self.rate))
         self.body = WholeBody(robot)
         self.layout = StateLayout(robot.n, len(POSTURE) + len(self.body.upper.joints))
+        self.bend = TrunkBend(robot, self.body)
         self.follower = posture.follower(robot, self.body)
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
@@ -198,7 +201,7 @@ class Retargeter:
         checkpoint()
         schedule, zmp, dcm = walk.schedule, walk.balance.zmp, walk.balance.dcm
         com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
-        targets, hands = self._targets(now, view, walk.schedule, checkpoint)
+        targets, arms = self._targets(now, view, walk.schedule, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
         position, velocity, slow, soft = self.follower.slowed(ease.pace).follow(targets, now.position, now.velocity)
         base, q, offset, short = self.body.solve(schedule.feet, com, position, now.com_offset)
@@ -230,7 +233,7 @@ class Retargeter:
             dcm=dcm,
             load_share=schedule.share,
             states=resume_states(self.layout, vector, walk, body, view, self.rate),
-            hand_error=self._hand_error(view, q, hands),
+            hand_error=self._hand_error(view, q, arms),
             repairs={
                 "position": outside.sum(axis=1) + (short > _MISSING_LEG),
                 "speed": slow[:, upper].sum(axis=1),
@@ -244,27 +247,27 @@ class Retargeter:
 
     def _targets(
         self, state: RetargetState, view: HumanView | None, schedule: Schedule, checkpoint: Callable[[], None]
-    ) -> tuple[Float, Float | None]:
-        """Targets of trunk and upper body, (T, C), and of the hands, (F, 2, 3) by source frame."""
+    ) -> tuple[Float, ArmTargets | None]:
+        """Targets of trunk and upper body, (T, C), and of the arms by source frame."""
         start = state.position[len(POSTURE) :]
         trunk = posture.trunk_targets(self.gait, schedule)
         if view is None:
             return np.hstack([trunk, np.broadcast_to(start, (len(trunk), len(start)))]), None
-        window = view.window
+        window, upper = view.window, self.body.upper
         known = view.seconds(view.tick + np.arange(view.follow, dtype=float))
         held = np.concatenate([known, np.full(len(trunk) - len(known), known[-1])])
         trunk[: view.follow] = posture.human_trunk(
-            self.gait, schedule, window, view.body_scaling, held, self.follower.omega
+            self.gait, self.bend, schedule, window, view.body_scaling, held, self.follower.omega
         )[: view.follow]
         trunk[: view.follow, 1:3] *= view.ease.size
-        q = self.robot.stand_pose.copy()
-        q[self.body.upper.joints] = start
-        angles, arms = self.body.upper.solve(window.kinematics, q, view.first_frame, checkpoint)
-        if view.ease.size < 1.0:
-            rest = self.robot.stand_pose[self.body.upper.joints]
-            angles = rest + view.ease.size * (angles - rest)
-        ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
-        return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
+        # The arms of an eased plan are the whole ones made smaller about the stand pose; they go on from whole ones.
+        rest, size = self.robot.stand_pose[upper.joints], view.ease.size
+        whole, speed = rest + (start - rest) / size, state.velocity[len(POSTURE) :] / (size * view.ease.pace)
+        before = posture.frames_before(whole, speed, view.second_at(view.tick - 1), window.times[0], window.motion.fps)
+        angles, arms = upper.solve(window.kinematics, whole, window.motion.fps, before, checkpoint)
+        angles = angles if size == 1.0 else rest + size * (angles - rest)
+        joints = posture.upper_targets(window, angles, upper.arms.size, held, known[-1])
+        return np.hstack([trunk, np.clip(joints, self.robot.lower[upper.joints], self.robot.upper[upper.joints])]), arms
 
     def _reachable_height(self, state: RetargetState, schedule: Schedule, com: Float) -> Float:
         """Hip height within reach of both legs, lowered as early as the follower needs to get there, (T,) [m]."""
@@ -272,17 +275,16 @@ class Retargeter:
         ahead = int(round(3.0 / self.follower.omega[0] * self.rate))
         return minimum_filter1d(height, ahead + 1, origin=-(ahead // 2), mode="nearest")
 
-    def _hand_error(self, view: HumanView | None, q: Float, hands: Float | None) -> Float:
+    def _hand_error(self, view: HumanView | None, q: Float, arms: ArmTargets | None) -> Float:
         """Distance of the hands from their targets, (T, 2) [m].
 
         One row a source frame, up to where the next plan joins: the rest is never read.
         """
         errors = np.full((len(q), 2), np.nan)
-        if view is None or hands is None:
+        if view is None or arms is None:
             return errors
         rows = np.rint(view.ticks_at(view.window.times)).astype(int) - view.tick
         played = min(view.follow, int(2 * self.settings.replan_s * self.rate))
-        for frame in np.flatnonzero((rows >= 0) & (rows < played)):
-            reached = self.body.upper.hand_positions(q[rows[frame]])
-            errors[rows[frame]] = np.linalg.norm(reached - hands[frame], axis=1)
+        frames = np.flatnonzero((rows >= 0) & (rows < played))
+        errors[rows[frames]] = self.body.upper.hand_errors(q[rows[frames]], arms.frames(frames))
         return errors

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics
-from flexmotion.retarget.arms import UpperBody
+from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.rotations import matrices
 
@@ -33,6 +33,23 @@ class Directions:
     forearm: Float
     trunk: Float
 
+    @property
+    def segments(self) -> Float:
+        """Upper arm and forearm, (T, 2 sides, 2 segments, 3)."""
+        return np.stack([self.upper_arm, self.forearm], axis=2)
+
+    def at(self, times: Float, wanted: Float) -> Directions:
+        """Linear interpolation from ascending times (T,) to wanted times (K,) [s], constant beyond the ends."""
+        place = np.interp(wanted, times, np.arange(len(times)))
+        low = np.minimum(place.astype(int), max(len(times) - 2, 0))
+        high, share = np.minimum(low + 1, len(times) - 1), (place - low)[:, None]
+
+        def between(vectors: Float) -> Float:
+            ratio = share.reshape(len(share), *[1] * (vectors.ndim - 1))
+            return _unit((1.0 - ratio) * vectors[low] + ratio * vectors[high])
+
+        return Directions(between(self.upper_arm), between(self.forearm), between(self.trunk))
+
     def __getitem__(self, rows: NDArray[np.int64]) -> Directions:
         """The given rows."""
         return Directions(self.upper_arm[rows], self.forearm[rows], self.trunk[rows])
@@ -46,22 +63,20 @@ def human_directions(kinematics: HumanKinematics) -> Directions:
     return Directions(_unit(upper), _unit(fore), _upward(kinematics.torso_rotation))
 
 
-def robot_directions(upper: UpperBody, q: Float, trunk: Float) -> Directions:
+def robot_directions(chain: ArmChain, q: Float, trunk: Float) -> Directions:
     """Of every tick.
 
     Args:
         q: joint angles, (T, n) [rad].
         trunk: see `Directions`, (T, 3).
     """
-    shoulders, elbows, hands = (np.empty((len(q), 2, 3)) for _ in range(3))
-    for tick, row in enumerate(q):
-        shoulders[tick], elbows[tick], hands[tick] = upper.arm_points(row)
-    return Directions(_unit(elbows - shoulders), _unit(hands - elbows), trunk)
+    poses = chain.poses(q[:, chain.joints])
+    return Directions(poses.upper, poses.fore, trunk)
 
 
-def standing_directions(robot: Robot, upper: UpperBody) -> Directions:
+def standing_directions(robot: Robot, chain: ArmChain) -> Directions:
     """Of the robot in its stand pose, one row."""
-    return robot_directions(upper, robot.stand_pose[None], np.array([[0.0, 0.0, 1.0]]))
+    return robot_directions(chain, robot.stand_pose[None], np.array([[0.0, 0.0, 1.0]]))
 
 
 def trunk_of(base: Float, tilt: Float) -> Float:

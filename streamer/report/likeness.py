@@ -94,9 +94,9 @@ def likeness(record: RunTrace, robot: Robot, figures: RobotFigures, motion: Moti
     frames = np.clip(np.rint(record.source_s[rows] * motion.fps).astype(int), 0, len(motion) - 1)
     played = slice(int(frames.min()), int(frames.max()) + 1)
     upper = UpperBody(robot)
-    human, stand = human_directions(window.kinematics)[frames], standing_directions(robot, upper)
+    human, stand = human_directions(window.kinematics)[frames], standing_directions(robot, upper.chain)
     base = record.true_base[rows]
-    made = robot_directions(upper, record.q[rows], trunk_of(base, record.ticks.tilt[rows]))
+    made = robot_directions(upper.chain, record.q[rows], trunk_of(base, record.ticks.tilt[rows]))
     measured = np.isfinite(record.q[rows]).all(axis=1)
     errors = np.stack([angle(made.upper_arm, human.upper_arm), angle(made.forearm, human.forearm)])[:, measured]
     away = np.stack([angle(stand.upper_arm, human.upper_arm), angle(stand.forearm, human.forearm)])[:, measured]
@@ -123,7 +123,7 @@ def likeness(record: RunTrace, robot: Robot, figures: RobotFigures, motion: Moti
     if np.count_nonzero(gestures) * SAMPLE_S >= GESTURE_S:
         parts["hands"] = float(np.clip(1.0 - errors[:, gestures].mean() / away[:, gestures].mean(), 0.0, 1.0))
 
-    reachable = upper.targets(window.kinematics).reachable[frames]
+    reachable = ~upper.straight(upper.targets(window.kinematics))[frames]
     return Likeness(
         score=float(np.mean(list(parts.values()))) if parts else 1.0,
         parts=parts,

@@ -137,7 +137,7 @@ def test_arms_that_do_not_move_are_left_out_and_their_errors_counted(robot: Robo
     assert still.parts["hands"] == pytest.approx(0.0, abs=1e-9) and still.left_out == ("hands",)
     assert still.upper_arm_deg is not None and still.upper_arm_deg > 70
     window = HumanWindow(raised, 0.0, ContactDetector().initial(), None)
-    angles, _ = upper.solve(window.kinematics, robot.stand_pose)
+    angles, _ = upper.solve(window.kinematics, robot.stand_pose[upper.joints], raised.fps)
     q = robot.stand_pose.copy()
     q[upper.joints] = angles[-1]
     followed = judged(robot, ran(robot, q=q), raised)
@@ -176,7 +176,7 @@ def test_without_a_tick_of_the_human_it_is_unknown(robot: Robot) -> None:
 def test_directions_of_the_robot_are_those_of_its_model(robot: Robot, upper: UpperBody) -> None:
     q = robot.stand_pose.copy()
     q[robot.index("l_sho_roll")] = 0.0  # the arm straight out
-    made = robot_directions(upper, q[None], np.array([[0.0, 0, 1]]))
+    made = robot_directions(upper.chain, q[None], np.array([[0.0, 0, 1]]))
     assert np.degrees(angle(made.upper_arm[0, 0], np.array([0.0, 1.0, 0.0]))) < 1.0
     assert np.degrees(angle(made.upper_arm[0, 1], np.array([0.0, 0.0, -1.0]))) < 20.0
 

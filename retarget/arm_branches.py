@@ -1,0 +1,104 @@
+"""`ArmBranches`: in which of its configurations an arm follows the human, decided over all frames of a window at once.
+
+An arm reaches about the same directions in several configurations (shoulder pitch half a turn further with the roll
+negated, say). The best of a frame by itself changes from frame to frame, and each change swings the whole arm around.
+So a few candidates a frame are drawn from all parts of the joint space, and the sequence is chosen that costs least in
+directions and in movement beyond what the joints can do in a frame (Viterbi 1967), from the present pose on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.arm_cost import ArmCost, ArmTargets
+
+Float = NDArray[np.float64]
+
+_CELLS, _SAMPLES = 16, 64
+"""Parts of the joint space, and sampled poses in each. Denser samples change no figure: candidates are refined."""
+_CANDIDATES = 5
+"""Candidates of a frame: the best sample of each of as many parts."""
+_REFINEMENTS = 1
+"""Gauss-Newton steps of the candidates before they are compared; two change no figure."""
+_TRAVEL_COST = 4.0
+"""Cost of a radian that a joint must move faster than it can, in squared chords of directions times frames at
+`_COST_FPS`: swinging an arm around by 3 rad costs as much as both directions being 26 degrees off for a second."""
+_COST_FPS = 30.0
+
+_SIDES = np.arange(2)
+
+
+class ArmBranches:
+    """Chooses configurations of both arms of one robot.
+
+    Args:
+        chain: the arms.
+        cost: of their poses.
+        speed: greatest speed of each arm joint, (2, m) [rad/s].
+    """
+
+    def __init__(self, chain: ArmChain, cost: ArmCost, speed: Float) -> None:
+        self.chain, self.cost, self.speed = chain, cost, speed
+        cells = _cells(chain.lower, chain.upper, _CELLS)
+        spread = qmc.Halton(chain.lower.shape[1], scramble=False).random(_SAMPLES)
+        low, high = cells[:, None, 0], cells[:, None, 1]
+        # (cells, samples, 2, m)
+        self._poses = low + spread[None, :, None, :] * (high - low)
+        self._directions = chain.poses(self._poses)
+
+    def choose(self, targets: ArmTargets, start: Float, fps: float) -> Float:
+        """Configurations near the best sequence, (F, 2, m) [rad]: starts for a refinement.
+
+        Args:
+            targets: of each frame.
+            start: joint angles before the first frame, (2, m) [rad].
+            fps: frames a second.
+        """
+        poses, costs = self._candidates(targets)
+        reach = self.speed / fps
+        # Frames by candidates before by candidates after, (F - 1, K, K, 2); of the first frame from the start.
+        change = np.abs(poses[1:, None] - poses[:-1, :, None]) - reach
+        travel = _TRAVEL_COST * _COST_FPS / fps * np.maximum(change.max(axis=-1), 0.0)
+        first = np.abs(poses[0] - start) - reach
+        total = costs[0] + _TRAVEL_COST * _COST_FPS / fps * np.maximum(first.max(axis=-1), 0.0)
+        before = np.empty((len(poses), _CANDIDATES, 2), dtype=int)
+        for frame in range(1, len(poses)):
+            sums = total[:, None] + travel[frame - 1]
+            before[frame] = sums.argmin(axis=0)
+            total = sums.min(axis=0) + costs[frame]
+        chosen = np.empty((len(poses), 2), dtype=int)
+        chosen[-1] = total.argmin(axis=0)
+        for frame in range(len(poses) - 1, 0, -1):
+            chosen[frame - 1] = before[frame, chosen[frame], _SIDES]
+        return poses[np.arange(len(poses))[:, None], chosen, _SIDES]
+
+    def _candidates(self, targets: ArmTargets) -> tuple[Float, Float]:
+        """Poses (F, K, 2, m) [rad] and their costs (F, K, 2)."""
+        sampled = self.cost.compare(targets, self._directions.upper, self._directions.fore)
+        best = sampled.argmin(axis=2)
+        least = np.take_along_axis(sampled, best[:, :, None], axis=2)[:, :, 0]
+        cells = np.argpartition(least, _CANDIDATES - 1, axis=1)[:, :_CANDIDATES]
+        samples = np.take_along_axis(best, cells, axis=1)
+        poses = self._poses[cells, samples, _SIDES]
+        wide = targets.repeated(_CANDIDATES)
+        for _ in range(_REFINEMENTS):
+            poses = self.cost.improved(wide, poses)
+        return poses, self.cost.of(wide, poses)
+
+
+def _cells(lower: Float, upper: Float, count: int) -> Float:
+    """Boxes that fill the limits (2, m), halved along their longest edge: (count, lower and upper, 2, m) [rad]."""
+    boxes = [np.stack([lower, upper])]
+    while len(boxes) < count:
+        edges = [(box[1] - box[0])[0] for box in boxes]
+        longest = int(np.argmax([edge.max() for edge in edges]))
+        joint = int(np.argmax(edges[longest]))
+        box = boxes.pop(longest)
+        middle = 0.5 * (box[0, :, joint] + box[1, :, joint])
+        near, far = box.copy(), box.copy()
+        near[1, :, joint], far[0, :, joint] = middle, middle
+        boxes += [near, far]
+    return np.array(boxes)

@@ -1,0 +1,119 @@
+"""`ArmPath`: joint angles of both arms over a window, near the human's directions and with little acceleration.
+
+Minimises the sum over frames of `ArmCost`, of squared joint accelerations and of squared joint speeds beyond what the
+joints can do, by Gauss-Newton steps on the whole window: where an arm must go round a singular pose it begins early
+enough. Differences couple up to three frames, so that the equations are banded and take time linear in the frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.arm_cost import LONGEST_STEP, ArmCost, ArmTargets
+
+Float = NDArray[np.float64]
+
+_BANDWIDTH = 30.0
+"""Movements of directions faster than this are smoothed [rad/s]; a quick wave has 15."""
+_SPEED_WEIGHT = 300.0
+"""Cost of a squared radian that a joint moves further in a frame than it can."""
+_STEPS = 6
+"""Most Gauss-Newton steps."""
+_ARRIVED = 0.01
+"""The steps end when no joint moves further than this [rad]."""
+
+
+class ArmPath:
+    """Refines configurations of both arms of one robot over a window.
+
+    Args:
+        chain: the arms.
+        cost: of their poses.
+        speed: greatest speed of each arm joint, (2, m) [rad/s].
+    """
+
+    def __init__(self, chain: ArmChain, cost: ArmCost, speed: Float) -> None:
+        self.chain, self.cost, self.speed = chain, cost, speed
+
+    def refine(self, targets: ArmTargets, q: Float, before: Float | None, fps: float) -> Float:
+        """Joint angles of each frame, (F, 2, m) [rad].
+
+        Args:
+            targets: of each frame.
+            q: where to start, (F, 2, m) [rad].
+            before: joint angles of the two frames before the first, oldest first, (2, 2, m) [rad], which the path
+                continues; None: it begins freely.
+            fps: frames a second.
+        """
+        frames, _, count = q.shape
+        lower, upper = self.chain.lower, self.chain.upper
+        weight, reach = (fps / _BANDWIDTH) ** 4, self.speed / fps
+        known = np.zeros((0, 2, count)) if before is None else before
+        band, first = _second_differences(frames, len(known))
+        for _ in range(_STEPS):
+            matrix, right = self.cost.normal(targets, q, lower, upper)
+            line = np.concatenate([known, q])
+            bend = line[2:] - 2.0 * line[1:-1] + line[:-2]
+            pull = np.zeros_like(line)
+            pull[2:] -= bend
+            pull[1:-1] += 2.0 * bend
+            pull[:-2] -= bend
+            change = line[1:] - line[:-1]
+            beyond = np.where(np.abs(change) > reach, _SPEED_WEIGHT, 0.0)
+            excess = beyond * (change - np.sign(change) * reach)
+            pull = weight * pull
+            pull[1:] -= excess
+            pull[:-1] += excess
+            step = _solve(matrix, right + pull[first:], weight * band, beyond, first)
+            # All frames of an arm by the same share: the path stays smooth.
+            step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=(0, 2), keepdims=True), 1e-12))
+            moved = np.clip(q + step, lower, upper)
+            far = np.abs(moved - q).max()
+            q = moved
+            if far < _ARRIVED:
+                break
+        return q
+
+
+def _second_differences(frames: int, known: int) -> tuple[Float, int]:
+    """Diagonals of D'D for second differences D over `known` and then `frames` values, of the latter: (3, frames)."""
+    total = frames + known
+    band = np.zeros((3, total))
+    if total >= 3:
+        band[0, :-2] += 1.0
+        band[0, 1:-1] += 4.0
+        band[0, 2:] += 1.0
+        band[1, :-2] -= 2.0
+        band[1, 1:-1] -= 2.0
+        band[2, :-2] += 1.0
+    return band[:, known:], known
+
+
+def _solve(matrix: Float, right: Float, band: Float, beyond: Float, known: int) -> Float:
+    """Solve the banded equations of both sides.
+
+    Args:
+        matrix, right: of each frame by itself, (F, 2, m, m) and (F, 2, m).
+        band: diagonals that couple equal joints of the frames, (3, F).
+        beyond: weight of the change from each frame to the next, from the first known frame on, (known + F - 1, 2, m).
+        known: number of known frames before the first.
+    """
+    frames, _, count = right.shape
+    lower = np.zeros((2 * count + 1, 2, frames, count))
+    for offset in range(count):
+        # Below the diagonal of each block.
+        lower[offset, :, :, : count - offset] = np.einsum("fsii->sfi", matrix[:, :, offset:, : count - offset])
+    for apart in range(3):
+        lower[apart * count] += band[apart][:, None]
+    links = beyond.swapaxes(0, 1)
+    lower[0, :, :-1] += links[:, known:]
+    lower[count, :, :-1] -= links[:, known:]
+    lower[0, :, (0 if known else 1) :] += links[:, max(known - 1, 0) :]
+    found = solveh_banded(
+        lower.reshape(2 * count + 1, -1), right.swapaxes(0, 1).reshape(-1), lower=True, check_finite=False
+    )
+    step: Float = found.reshape(2, frames, count).swapaxes(0, 1)
+    return step
