@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.kinematics import HumanKinematics
-from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
 from flexmotion.retarget.arm_clearance import BodyClearance
 from flexmotion.spatial.heading import matrix_heading
 
@@ -117,11 +117,13 @@ class ArmCost:
         return out
 
     def of(self, targets: ArmTargets, q: Float) -> Float:
-        """Cost of poses (..., 2, m), one for each target, (..., 2)."""
-        residual, _ = self._residual(targets, q)
+        """Cost of poses (..., 2, m), one for each target, in directions alone, (..., 2)."""
+        residual, _ = self._directions(targets, self.chain.poses(q))
         return np.sum(residual**2, axis=-1)
 
-    def normal(self, targets: ArmTargets, q: Float, lower: Float, upper: Float) -> tuple[Float, Float]:
+    def normal(
+        self, targets: ArmTargets, q: Float, lower: Float, upper: Float, *, clear: bool = True
+    ) -> tuple[Float, Float]:
         """Gauss-Newton equations of half the cost at poses (..., 2, m).
 
         Joints at a limit, (2, m) [rad], that the cost pushes further are held there.
@@ -129,7 +131,12 @@ class ArmCost:
         Returns:
             Matrix (..., 2, m, m) and right side (..., 2, m), so that a step solves matrix x step = right.
         """
-        residual, jacobian = self._residual(targets, q)
+        poses = self.chain.poses(q)
+        residual, jacobian = self._directions(targets, poses)
+        if clear:
+            depth, slope = self.clearance.residual(poses, targets.lean)
+            residual = np.concatenate([residual, depth], axis=-1)
+            jacobian = np.concatenate([jacobian, slope], axis=-1)
         matrix = jacobian @ jacobian.swapaxes(-1, -2)
         right = -(jacobian @ residual[..., None])[..., 0] - _REST_WEIGHT * (q - self.rest)
         held = ((q <= lower) & (right < 0.0)) | ((q >= upper) & (right > 0.0))
@@ -140,23 +147,21 @@ class ArmCost:
         return matrix, right * free
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
-        """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself."""
+        """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself, by directions alone."""
         lower, upper = self.chain.lower, self.chain.upper
-        matrix, right = self.normal(targets, q, lower, upper)
+        matrix, right = self.normal(targets, q, lower, upper, clear=False)
         step = np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
         return np.clip(q + _bounded(step), lower, upper)
 
-    def _residual(self, targets: ArmTargets, q: Float) -> tuple[Float, Float]:
-        """Residuals (..., 2, R) and their derivatives by the joints, (..., 2, m, R)."""
-        poses = self.chain.poses(q)
+    def _directions(self, targets: ArmTargets, poses: ArmPoses) -> tuple[Float, Float]:
+        """Residuals (..., 2, 9) and their derivatives by the joints, (..., 2, m, 9)."""
         upper, fore = poses.upper - targets.upper, poses.fore - targets.fore
         a, b = self._shares[:, :1], self._shares[:, 1:]
         root = np.sqrt(targets.hand_weight)[..., None]
-        depth, slope = self.clearance.residual(poses, targets.lean)
-        residual = np.concatenate([upper, fore, root * (a * upper + b * fore), depth], axis=-1)
+        residual = np.concatenate([upper, fore, root * (a * upper + b * fore)], axis=-1)
         du, df = poses.upper_jacobian, poses.fore_jacobian
         hand = root[..., None] * (a[..., None] * du + b[..., None] * df)
-        return residual, np.concatenate([du, df, hand, slope], axis=-1)
+        return residual, np.concatenate([du, df, hand], axis=-1)
 
 
 def _bounded(step: Float) -> Float:
