@@ -169,5 +169,5 @@ def test_a_short_plan_is_made_once_with_the_ease_that_it_begins_with(
 
 
 def test_a_stop_is_never_judged(op3: Robot, stream: StreamSettings) -> None:
-    retargeter = judging(weak(op3, 0.1), stream)
+    retargeter = judging(weak(op3, 0.4), stream)
     assert retargeter.plan(retargeter.standing(), None, 0, 0).eased is None
