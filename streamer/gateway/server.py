@@ -17,6 +17,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
@@ -234,6 +235,13 @@ def build_app(
             return RedirectResponse("/docs")
     else:
         add_pages(app, pages, status)
+
+    @app.exception_handler(404)
+    async def unknown(request: Request, _error: Exception) -> Response:
+        paths = sorted({route.path for route in app.routes if isinstance(route, APIRoute)})
+        return _answer(
+            Answer(state="refused", reason=f"{request.url.path[:64]!r}: expected one of: {', '.join(paths)}"), 404
+        )
 
     @app.websocket("/targets")
     async def serve(socket: WebSocket) -> None:

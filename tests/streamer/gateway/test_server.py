@@ -212,6 +212,9 @@ def test_the_status_and_the_documents(begin: Begin, run: Run, answering: Callabl
     assert {f"/{word}" for word in KINDS} | {"/targets", "/status"} <= described["paths"].keys()
     _, page = http(gateway.port, "GET", "/docs")
     assert all(f"POST /{word}" in page for word in KINDS) and "<script" not in page
+    # An address that is not known was answered {"detail": "Not Found"}.
+    code, unknown = http(gateway.port, "GET", "/nowhere")
+    assert code == 404 and "'/nowhere': expected one of: " in unknown["reason"] and "/velocity" in unknown["reason"]
     with connect(f"ws://127.0.0.1:{gateway.port}/targets?status=50") as client:
         told = [json.loads(client.recv(HANGING_S)) for _ in range(3)]
     assert [one["type"] for one in told] == ["status"] * 3 and told[2]["tick"] > told[0]["tick"]
