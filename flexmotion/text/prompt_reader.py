@@ -186,11 +186,7 @@ class PromptReader:
         """
         nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
         tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)]
-        said = (
-            [meant]
-            if meant is not None
-            else [next(iter(wordings(kind)), kind.replace("-", " ")) for kind in tries[:TRIES]]
-        )
+        said = [meant] if meant is not None else [_wording(kind) for kind in tries[:TRIES]]
         told = f"it can: {_names(self.offered)}"
         return f"{told}; try: {', '.join(said)}" if said else told
 
@@ -200,6 +196,11 @@ class PromptReader:
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING, 0.0
         return self._listener.heard(sentence, embedding, pieces, likeness)
+
+
+def _wording(kind: str) -> str:
+    """The first wording of a kind of motion; its name where it has none."""
+    return next(iter(wordings(kind)), kind.replace("-", " "))
 
 
 def _names(kinds: Iterable[str]) -> str:

@@ -15,8 +15,8 @@ from flexmotion.streamer.commands.output import print_json, print_result
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
 
-_MOST_READS = 60
-"""Reads within which every servo has its turn, with its slow values."""
+_MOST_READS = 5
+"""Reads within which a servo answers that has lost an answer."""
 
 
 def bus(
@@ -88,7 +88,7 @@ def bus(
 
 
 def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
-    """Every servo as it is now; None for what was not read, such as a voltage that is not its turn.
+    """Every servo as it is now; None for what was not read.
 
     Raises `DriverError` where one is missing or another model, `NotConfiguredError` where a setting differs.
     """
@@ -101,7 +101,7 @@ def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
     with open_bench(robot, port) as bench:
         refuse_unconfigured(bench.inspect())
         read = np.zeros(robot.n, bool)
-        for _ in range(_MOST_READS):  # servos that are read in turns need several
+        for _ in range(_MOST_READS):
             bench.read(state)
             read |= state.stale == 0
             if read.all() and np.isfinite(state.voltage).all() and np.isfinite(state.temperature).all():
