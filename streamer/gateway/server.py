@@ -147,6 +147,8 @@ class Connections:
         while True:
             item = await queue.get()
             await (socket.send_text(item) if isinstance(item, str) else socket.send_bytes(item))
+            # A queue that is never empty must not keep the loop from noticing that the other side has gone.
+            await asyncio.sleep(0)
 
     async def _report(self, queue: asyncio.Queue[str | bytes], status_hz: float) -> None:
         while True:
