@@ -28,6 +28,11 @@ def list_robots() -> tuple[str, ...]:
     return tuple(sorted(folder.name for folder in ROBOTS.iterdir() if (folder / f"{folder.name}.yaml").is_file()))
 
 
+def is_shipped(robot: Robot) -> bool:
+    """Whether a robot's folder is one of this package, for all robots of its kind."""
+    return robot.folder.resolve().is_relative_to(ROBOTS.resolve())
+
+
 def load_robot(name_or_folder: str | Path) -> Robot:
     """Load a shipped robot by name, or any robot by folder.
 

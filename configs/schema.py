@@ -10,6 +10,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.problems import one_line
 
 
 class Strict(BaseModel):
@@ -46,7 +47,8 @@ def parse(model: type[Model], content: dict[str, Any], origin: Path | str) -> Mo
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(f"{origin}: {_one_line(model, error)}") from error
+        field, message = one_line(error, model)
+        raise ConfigError(f"{origin}: field {field or '(file)'}: {message}") from error
 
 
 def load(model: type[Model], file: Path) -> Model:
@@ -67,16 +69,3 @@ def store(content: Strict, file: Path) -> Path:
         unfinished.unlink(missing_ok=True)
         raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
     return file
-
-
-def _one_line(model: type[Strict], error: ValidationError) -> str:
-    problems = error.errors()
-    # Unknown fields first: a misspelt name is often the reason for a missing field.
-    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
-    field = ".".join(str(part) for part in first["loc"]) or "(file)"
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
-        known = ", ".join(model.model_fields)
-        message = f"unknown field, expected one of: {known}" if known else "unknown field, there are none"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"field {field}: {message}{more}"

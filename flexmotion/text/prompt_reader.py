@@ -15,10 +15,11 @@ from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
 from flexmotion.text.manner_reader import HeardManner, MannerReader
 from flexmotion.text.manners import NORMAL
-from flexmotion.text.phrases import STAND, is_sudden
+from flexmotion.text.phrases import STAND, is_sudden, wordings
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
+from flexmotion.text.spelling import is_foreign, respelled
 
 SAME = 0.99
 """Least cosine of two equal wordings."""
@@ -143,7 +144,10 @@ class PromptReader:
         if best <= SAME or is_other_side(kind, plain):
             kind, share = self._classified(sentence, self._encode(sentence), best)
         if kind == NOTHING:
-            warning = f"{sentence!r} is not understood by this model, it stands still; {self._offer(likeness)}"
+            meant = self._respelled(plain)
+            language = " (it hears English)" if meant is None and is_foreign(plain) else ""
+            offer = self._offer(likeness, meant)
+            warning = f"{sentence!r} is not understood by this model{language}, it stands still; {offer}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if forbids(plain, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
@@ -165,12 +169,26 @@ class PromptReader:
         """How a sentence asks for its motion, whether the model offers that or not."""
         return self._manner(sentence)
 
-    def _offer(self, likeness: NDArray[np.float32]) -> str:
-        """What the model can do, and which of it to try; `likeness`: of each wording with what was asked, (K,)."""
+    def _respelled(self, sentence: str) -> str | None:
+        """What a sentence with misspelt words may mean, to be suggested; never done by itself."""
+        meant = respelled(sentence)
+        if meant is None:
+            return None
+        heard = self(meant)  # all of its words are known: it is not respelled again
+        return meant if heard.known and heard.warning is None and not is_sudden(heard.kind) else None
+
+    def _offer(self, likeness: NDArray[np.float32], meant: str | None = None) -> str:
+        """What the model can do, and what to say instead.
+
+        Args:
+            likeness: of each wording with what was asked, (K,).
+            meant: what a sentence with misspelt words may mean; None: it has none.
+        """
         nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
-        tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)][:TRIES]
+        tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)]
+        said = [meant] if meant is not None else [_wording(kind) for kind in tries[:TRIES]]
         told = f"it can: {_names(self.offered)}"
-        return f"{told}; try: {_names(tries)}" if tries else told
+        return f"{told}; try: {', '.join(said)}" if said else told
 
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
         """Kind of motion, or `NOTHING`, and its share."""
@@ -178,6 +196,11 @@ class PromptReader:
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING, 0.0
         return self._listener.heard(sentence, embedding, pieces, likeness)
+
+
+def _wording(kind: str) -> str:
+    """The first wording of a kind of motion; its name where it has none."""
+    return next(iter(wordings(kind)), kind.replace("-", " "))
 
 
 def _names(kinds: Iterable[str]) -> str:

@@ -15,6 +15,9 @@ from flexmotion.streamer.commands.output import print_json, print_result
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
 
+_MOST_READS = 5
+"""Reads within which a servo answers that has lost an answer."""
+
 
 def bus(
     robot: RobotOption = "op3",
@@ -85,26 +88,37 @@ def bus(
 
 
 def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
-    """Every servo as it is now.
+    """Every servo as it is now; None for what was not read.
 
     Raises `DriverError` where one is missing or another model, `NotConfiguredError` where a setting differs.
     """
+    import numpy as np
+
     from flexmotion.drivers.bus.inspection import refuse_unconfigured
     from flexmotion.drivers.interface import RobotState
 
     state = RobotState(robot.n)
     with open_bench(robot, port) as bench:
         refuse_unconfigured(bench.inspect())
-        bench.read(state)
+        read = np.zeros(robot.n, bool)
+        for _ in range(_MOST_READS):
+            bench.read(state)
+            read |= state.stale == 0
+            if read.all() and np.isfinite(state.voltage).all() and np.isfinite(state.temperature).all():
+                break
+
+    def number(index: int, value: float, digits: int) -> float | None:
+        return round(float(value), digits) if read[index] and np.isfinite(value) else None
+
     return [
         {
             "joint": joint.name,
             "id": joint.id,
             "servo": joint.servo,
-            "position_rad": round(float(state.position[index]), 4),
-            "voltage": round(float(state.voltage[index]), 1),
-            "temperature": float(state.temperature[index]),
-            "hardware_error": int(state.hardware_error[index]),
+            "position_rad": number(index, state.position[index], 4),
+            "voltage": number(index, state.voltage[index], 1),
+            "temperature": number(index, state.temperature[index], 1),
+            "hardware_error": int(state.hardware_error[index]) if read[index] else None,
         }
         for index, joint in enumerate(robot.joints)
     ]
@@ -115,5 +129,5 @@ def _servo_table(audit: list[dict[str, Any]]) -> Table:
     for column in audit[0]:
         table.add_column(column.replace("_", " "))
     for row in audit:
-        table.add_row(*(str(value) for value in row.values()))
+        table.add_row(*("not read" if value is None else str(value) for value in row.values()))
     return table

@@ -36,7 +36,7 @@ def emulate(
             metavar="KIND[:ARG[:VALUE]][@S[+DURATION|+once]]",
             help="Fault to inject (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
             "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, echo, blocked:ID, tripped:ID; "
-            "false readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
+            "false readings, off by VALUE: false_position:SERVO:TICKS, false_speed, false_torque, false_voltage, "
             "false_temperature, false_gyro:VALUE, false_accel:VALUE.",
         ),
     ] = None,

@@ -194,7 +194,7 @@ _HIDDEN = ("type", "version")
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {_value(one)}" for key, one in value.items() if one is not None)
-    return "unknown" if value is None else str(value)
+    return "none" if value is None else str(value)
 
 
 @grouped

@@ -65,6 +65,9 @@ def scan(
         print_result(_found(found))
     else:
         print_note("no servo answers: is their power on? are port and protocol right?")
+        if other := [rate for rate in baud or () if rate not in kind.baud_rates]:
+            rates, those = ", ".join(map(str, kind.baud_rates)), ", ".join(map(str, other))
+            print_note(f"--baud {those}: no rate of servos of {protocol}, theirs are {rates}")
     if not found:
         raise typer.Exit(CHECK_FAILED)
 
@@ -154,6 +157,8 @@ def watch(
                 now = time.monotonic()
         except KeyboardInterrupt:
             interrupted = True
+    if not as_json and not live.console.is_terminal:
+        live.console.line()  # a file gets the last table, without its line feed
     if as_json:
         print_json(_rows(chosen, state))
     if interrupted:

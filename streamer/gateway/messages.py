@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError, field_validator
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.problems import one_line
 from flexmotion.streamer.gateway.joint_messages import LimpMessage, RebootMessage, StiffMessage
 from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
 from flexmotion.streamer.motion.intents import (
@@ -33,11 +34,11 @@ from flexmotion.streamer.motion.intents import (
     Waypoint,
 )
 
-_Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0])]
-_Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1])]
-_Turning = Annotated[float, Field(ge=-FASTEST[2], le=FASTEST[2])]
-_Place = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-_Heading = Annotated[float, Field(ge=-FARTHEST_RAD, le=FARTHEST_RAD)]
+_Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0], description="forward [m/s]")]
+_Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1], description="left [m/s]")]
+_Turning = Annotated[float, Field(ge=-FASTEST[2], le=FASTEST[2], description="turning left [rad/s]")]
+_Place = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, description="[m]")]
+_Heading = Annotated[float, Field(ge=-FARTHEST_RAD, le=FARTHEST_RAD, description="[rad]")]
 
 
 def _fits(kind: Callable[[str], Intent], words: str) -> str:
@@ -304,11 +305,11 @@ def _word(value: Any) -> str | None:
 
 
 def _one_line(error: ValidationError) -> str:
-    problems = error.errors(include_url=False, include_input=False, include_context=False)
-    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
-    field = ".".join(str(part) for part in first["loc"])
-    text = " ".join(first["msg"].removeprefix("Value error, ").split())
-    text = "".join(character if character.isprintable() else "?" for character in text)
+    first = error.errors(include_url=False, include_context=False)[0]
     if first["type"].startswith("union_tag"):
         return f"type: expected one of: {', '.join(KINDS)}"
-    return f"{field}: {text}"[:300] if field else text[:300]
+    kind = str(first["loc"][0]) if first["loc"] else ""
+    field, message = one_line(error, KINDS.get(kind), skip=1)
+    text = " ".join(message.split())
+    text = "".join(character if character.isprintable() else "?" for character in text)
+    return ": ".join(filter(None, (f"{kind}.{field}" if field else kind, text)))[:300]

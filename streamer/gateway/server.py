@@ -17,6 +17,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
@@ -146,6 +147,8 @@ class Connections:
         while True:
             item = await queue.get()
             await (socket.send_text(item) if isinstance(item, str) else socket.send_bytes(item))
+            # A queue that is never empty must not keep the loop from noticing that the other side has gone.
+            await asyncio.sleep(0)
 
     async def _report(self, queue: asyncio.Queue[str | bytes], status_hz: float) -> None:
         while True:
@@ -234,6 +237,13 @@ def build_app(
             return RedirectResponse("/docs")
     else:
         add_pages(app, pages, status)
+
+    @app.exception_handler(404)
+    async def unknown(request: Request, _error: Exception) -> Response:
+        paths = sorted({route.path for route in app.routes if isinstance(route, APIRoute)})
+        return _answer(
+            Answer(state="refused", reason=f"{request.url.path[:64]!r}: expected one of: {', '.join(paths)}"), 404
+        )
 
     @app.websocket("/targets")
     async def serve(socket: WebSocket) -> None:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_totals import FALL_TILT_RAD
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.palette import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import empty, new_figure
-from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, tilt
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, tilt
 
 Float = NDArray[np.float64]
 

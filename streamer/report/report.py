@@ -102,13 +102,14 @@ class DisplacementSection(Section):
 class MotionSection(Section):
     """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps.
 
-    `fell`, `time_to_fall_s` and counts of steps are of the whole run, the other figures of `period_s`: its first and
-    its last moment in the run [s].
+    `fell`, `time_to_fall_s` and counts of steps are of the whole run, the other figures from
+    `period_begin_s` to `period_end_s` [s of the run].
     """
 
     fell: bool
     time_to_fall_s: Maybe
-    period_s: tuple[Figure, Figure]
+    period_begin_s: Figure
+    period_end_s: Figure
     joint_rmse_rad: Maybe
     lag_s: Maybe
     foot_slip_mm_s: Maybe
@@ -299,7 +300,8 @@ def build_report(
         ),
         motion=MotionSection(
             **motion,
-            period_s=record.period_s,
+            period_begin_s=record.period_s[0],
+            period_end_s=record.period_s[1],
             human_steps=record.human_steps,
             steps_planned=record.steps_planned,
             steps_inserted=record.steps_inserted,

@@ -143,7 +143,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
 
 def period_note(report: Report) -> str:
     """Which part of the run the motion figures are of; empty where it is all of it."""
-    begin, end = report.motion.period_s
+    begin, end = report.motion.period_begin_s, report.motion.period_end_s
     return f"steps: of the whole run; the others: from {begin:.0f} to {end:.0f} s" if begin > 0.0 else ""
 
 

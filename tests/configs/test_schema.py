@@ -18,7 +18,7 @@ class Engine(Strict):
         ("- power", "expected a mapping of fields, found list"),
         ("", "expected a mapping of fields, found NoneType"),
         ("power: fast", "field power: Input should be a valid number"),
-        ("name: a", "field power: Field required"),
+        ("name: a", "field power: missing"),
         ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),
         # Regression: it named only the field that was missing because of the misspelling.
         ("powre: 1", "field powre: unknown field, expected one of: power, name (and 1 more)"),

@@ -68,7 +68,7 @@ def family(**changes: object) -> Family:
         ({"usable_torque": 5.0}, "usable_torque 5.0 exceeds stall_torque 4.1"),
         ({"max_voltage": 9.0}, "voltages must be ordered"),
         ({"max_tick": 100}, "ticks must be ordered"),
-        ({"kp": -1.0}, "field kp: Input should be greater than 0"),
+        ({"kp": -1.0}, "field kp: -1.0, expected more than 0"),
     ],
 )
 def test_a_contradictory_servo_is_refused(changes: dict[str, float], says: str) -> None:

@@ -14,7 +14,7 @@ from flexmotion.human.kinematics import forward
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
-from flexmotion.text.phrases import STAND
+from flexmotion.text.phrases import STAND, wordings
 
 COUNTERCLOCKWISE = ("counterclockwise", "counter-clockwise", "counter clockwise", "anticlockwise", "anti–clockwise")
 
@@ -202,3 +202,33 @@ def test_a_velocity_without_words_is_walked(sampler: Sampler) -> None:
         assert motion.root_position[:, 2].min() > 0.75
     idle = sampler.sample(sampler.standing(), Condition(velocity=(0.0, 0.0, 0.0)), seed=0)
     np.testing.assert_array_equal(idle.joints, sampler.sample(sampler.standing(), Condition(), seed=0).joints)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "meant"), [("wlak forwrad", "walk forward"), ("wvae", "wave"), ("turn lfet", "turn left")]
+)
+def test_misspelt_words_are_suggested_and_not_done(sampler: Sampler, sentence: str, meant: str) -> None:
+    """Words like "wlak forwrad" were answered by motions that have nothing to do with it."""
+    prompt = sampler.prompt(sentence)
+    assert not prompt.known and prompt.kind == STAND
+    assert str(prompt.warning).endswith(f"; try: {meant}")
+
+
+def test_a_refusal_suggests_wordings_and_names_english_to_other_languages(sampler: Sampler) -> None:
+    """It suggested names of its own ("walk turn right"), and never said that it hears English."""
+    foreign = str(sampler.prompt("geh bitte vorwärts").warning)
+    assert "(it hears English), it stands still; it can: " in foreign
+    tries = foreign.partition("; try: ")[2].split(", ")
+    assert tries and all(sampler.prompt(text).known for text in tries)
+    assert "English" not in str(sampler.prompt("juggle five balls").warning)
+
+
+def test_every_suggestion_means_what_it_is_suggested_for(sampler: Sampler) -> None:
+    for kind in sampler.reader.offered:
+        assert sampler.prompt(wordings(kind)[0]).kind == kind
+
+
+@pytest.mark.parametrize("sentence", ["wave with your left foot", "kick with your hand", "nod with your hand"])
+def test_a_limb_that_the_motion_does_not_use_is_refused(sampler: Sampler, sentence: str) -> None:
+    prompt = sampler.prompt(sentence)
+    assert not prompt.known and prompt.kind == STAND and "is a motion of the" in str(prompt.warning)

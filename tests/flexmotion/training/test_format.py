@@ -107,7 +107,7 @@ def test_a_training_without_format_has_the_corrections_of_its_program(
     ("content", "message"),
     [
         ("seed: 1\nmodel: {}\nformat: two\n", "field format: 'two', expected a whole number"),
-        ("seed: 1\n", "field model: Field required"),
+        ("seed: 1\n", "field model: missing"),
         ("", "expected a mapping"),
     ],
 )

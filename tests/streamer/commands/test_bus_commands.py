@@ -96,6 +96,8 @@ def test_servos_are_audited_found_renamed_and_watched(
     # Went wrong: a scan that found no servo exited with 0.
     assert execute(["servo", "scan", *port, "--baud", "57600"]) == 1
     assert "no servo answers" in capsys.readouterr().err
+    assert execute(["servo", "scan", *port, "--baud", "12345"]) == 1
+    assert "--baud 12345: no rate of servos of dynamixel2, theirs are 9600, 57600" in capsys.readouterr().err
     succeed("servo", "set-id", "14", "77", *bus)
     assert execute(["servo", "watch", *port, "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
     succeed("servo", "set-id", "77", "14", *bus)

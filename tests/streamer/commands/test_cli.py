@@ -148,6 +148,12 @@ BAD_USAGE = {
     "pictures over a file": (["log", "plot", "a.mcap", "-o", __file__], "is no folder that can be written to"),
     "report in a file": (["check", "torque", "--report", __file__ + "/x"], "'--report': "),
     "folder of output": (["retarget", "a.bvh", "-o", "none/a.csv"], "none: no such folder"),
+    # It asked for a joint to be held, and found only then that the folder is not the user's.
+    "shipped robot": (
+        ["servo", "calibrate", "-p", "x", "-r", "op3"],
+        "op3: a shipped robot, whose folder is the program's",
+    ),
+    "shipped torso": (["servo", "calibrate-imu", "-p", "x", "-r", "op3"], "op3: a shipped robot, whose folder is"),
     "missing argument": (["retarget"], "Missing argument 'FILE'"),
 }
 
@@ -448,3 +454,10 @@ def test_without_a_model_the_message_says_so(
         assert run("dry-run", *arguments) == 2
         error = capsys.readouterr().err
         assert f"{asker} needs a model bundle" in error and "give --bundle DIR" in error and error.count("\n") == 1
+
+
+def test_help_says_what_to_type_and_shows_no_emoji(capsys: pytest.CaptureFixture[str]) -> None:
+    """`false_position:ID:T` was shown with an emoji in the place of `:ID:`."""
+    assert run("emulate", "--help") == 0
+    out = capsys.readouterr().out
+    assert "false_position" in out and all(ord(character) < 0x1F000 for character in out)

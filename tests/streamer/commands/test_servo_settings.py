@@ -14,11 +14,13 @@ import pytest
 import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.bench import Bench
 from flexmotion.drivers.dynamixel.packet import Error
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.cli import execute
 
@@ -117,6 +119,36 @@ def test_other_servos_are_watched_without_a_write(
     assert rows[knee]["missed_reads"] == 0
     assert execute(["servo", "scan", *PORT, "--protocol", protocol, "--baud", str(baud)]) == 0
     assert it.tap.sent and not it.tap.writes(protocol)
+
+
+@pytest.mark.parametrize(("missed", "told"), [(2, False), (99, True)])
+def test_servos_that_were_not_read_are_marked_in_the_audit(
+    missed: int,
+    told: bool,
+    wired: Callable[..., Wired],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: a servo that had lost one answer was shown at 0.0 rad and nan V."""
+    knee, read, reads = wired().robot.index("l_knee"), Bench.read, []
+
+    def lossy(bench: Bench, state: RobotState) -> None:
+        reads.append(1)
+        before = state.position[knee], state.voltage[knee]
+        read(bench, state)
+        if len(reads) <= missed:
+            state.position[knee], state.voltage[knee] = before
+            state.stale[knee] = len(reads)
+
+    monkeypatch.setattr(Bench, "read", lossy)
+    audit = ["check", "bus", *PORT, "--robot", str(folder)]
+    assert execute([*audit, "--json"]) == 0
+    servos = {servo["joint"]: servo for servo in json.loads(capsys.readouterr().out)["servos"]}
+    assert (servos["l_knee"]["position_rad"] is None) is told and servos["r_knee"]["voltage"] == 12.0
+    reads.clear()
+    assert execute(audit) == 0
+    assert ("not read" in capsys.readouterr().out) is told
 
 
 def test_a_run_on_servos_from_the_shop_exits_2_and_names_one(

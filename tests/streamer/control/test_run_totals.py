@@ -62,8 +62,8 @@ def test_a_long_run_has_the_figures_of_all_of_it() -> None:
     assert found.limits.joints == true.limits.joints
     assert found.limits.joints["l_knee"].peak_torque_nm == 2.0
     assert found.ok and true.ok  # a robot that has stood for the last minutes has moved before
-    assert true.motion.period_s == (0.0, TICKS / RATE)
-    begin, end = found.motion.period_s
+    assert (true.motion.period_begin_s, true.motion.period_end_s) == (0.0, TICKS / RATE)
+    begin, end = found.motion.period_begin_s, found.motion.period_end_s
     assert end == TICKS / RATE and begin == pytest.approx(cut.forgotten / RATE, rel=1e-5)
     assert cut.time_s[0] == begin
 

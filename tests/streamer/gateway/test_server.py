@@ -212,6 +212,9 @@ def test_the_status_and_the_documents(begin: Begin, run: Run, answering: Callabl
     assert {f"/{word}" for word in KINDS} | {"/targets", "/status"} <= described["paths"].keys()
     _, page = http(gateway.port, "GET", "/docs")
     assert all(f"POST /{word}" in page for word in KINDS) and "<script" not in page
+    # An address that is not known was answered {"detail": "Not Found"}.
+    code, unknown = http(gateway.port, "GET", "/nowhere")
+    assert code == 404 and "'/nowhere': expected one of: " in unknown["reason"] and "/velocity" in unknown["reason"]
     with connect(f"ws://127.0.0.1:{gateway.port}/targets?status=50") as client:
         told = [json.loads(client.recv(HANGING_S)) for _ in range(3)]
     assert [one["type"] for one in told] == ["status"] * 3 and told[2]["tick"] > told[0]["tick"]
@@ -368,3 +371,25 @@ def test_the_command_line_sends_and_exits_by_the_answer(
     assert execute(["send", "--velocity", "9", "0", "0", *port]) == 2
     assert execute(["send", "wave", "--port", str(any_free())]) == 3
     assert "no run listens" in capsys.readouterr().err
+
+
+def test_what_waits_for_a_page_that_is_closed_is_not_sent() -> None:
+    """Asyncio warned "socket.send() raised exception.": a full queue was sent before the loop saw the closed socket."""
+
+    async def sent_after_the_end() -> int:
+        loop, sent = asyncio.get_running_loop(), []
+
+        class Closing:
+            async def send_text(self, text: str) -> None:
+                sent.append(text)
+                if len(sent) == 1:
+                    loop.call_soon(task.cancel)  # as the loop tells that a connection is lost
+
+        queue: asyncio.Queue[str | bytes] = asyncio.Queue()
+        for number in range(100):
+            queue.put_nowait(str(number))
+        task = asyncio.create_task(Connections._send(Closing(), queue))  # type: ignore[arg-type]
+        await asyncio.wait([task])
+        return len(sent)
+
+    assert asyncio.run(sent_after_the_end()) <= 2

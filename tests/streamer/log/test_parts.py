@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import LogParts, StreamSettings, load_stream
@@ -210,3 +211,14 @@ def test_a_log_stays_locked_in_every_process_of_a_run(logged_session: Make, tmp_
         session.run()
     assert refused
     LogFile(made.path).close()
+
+
+def test_a_folder_to_log_to_is_made_where_its_own_folder_exists(tmp_path: Path) -> None:
+    """A folder that did not exist was refused as "expected a folder"."""
+    path = log_file(tmp_path / "logs", None)
+    assert path is not None and path.parent == tmp_path / "logs" and path.parent.is_dir()
+    with pytest.raises(typer.BadParameter, match=r"there is no folder .*nowhere"):
+        log_file(tmp_path / "nowhere" / "logs", None)
+    with pytest.raises(typer.BadParameter, match=r"ends in \.mcap"):
+        log_file(tmp_path / "run.txt", None)
+    assert not (tmp_path / "nowhere").exists()

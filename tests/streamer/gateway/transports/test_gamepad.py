@@ -248,7 +248,7 @@ def test_the_curve_is_continuous_zero_in_the_dead_band_and_reaches_the_end() -> 
         ("enable", "BTN_NONE", "gateway.gamepad.enable: BTN_NONE"),
         ("buttons", {"BTN_NONE": {"type": "stop"}}, "gateway.gamepad.buttons: BTN_NONE"),
         ("buttons", {"BTN_SOUTH": {"type": "dance"}}, "BTN_SOUTH: type: expected one of"),
-        ("buttons", {"BTN_SOUTH": {"type": "text"}}, "BTN_SOUTH: .*text: Field required"),
+        ("buttons", {"BTN_SOUTH": {"type": "text"}}, "BTN_SOUTH: .*text: missing"),
     ],
 )
 def test_settings_that_name_nothing_are_refused(field: str, value: Any, said: str) -> None:
