@@ -234,9 +234,9 @@ class SimProcess(SimulatedDriver):
         sensed, state = RobotState(self.robot.n), _StateRow(np.zeros((), self._states.dtype))
         priority.settle(collect=False)
         priority.claim(priority.ROBOT_PRIORITY, allowed=self._realtime)
-        self._publish(sensed, state, 0.0, 0.0)
-        opened.send(None)
         ticker = Ticker(QUANTUM_S)
+        self._publish(sensed, state, ticker.deadline_ns, 0.0, 0.0)
+        opened.send(None)
         steps_a_tick = max(round(1.0 / (self.robot.rate_hz * QUANTUM_S)), 1)
         worst, step, ended = [0.0, 0.0], 0, False
         while not ended:
@@ -248,7 +248,7 @@ class SimProcess(SimulatedDriver):
             worst[0] = max(worst[0], late)
             if step % steps_a_tick == 0:
                 worst = [0.0, worst[0]]
-            self._publish(sensed, state, late, max(worst))
+            self._publish(sensed, state, ticker.deadline_ns, late, max(worst))
         simulation.close()
 
     def _simulate(self, sent: NDArray[np.void], steps: int, due_ns: int) -> bool:
@@ -288,12 +288,17 @@ class SimProcess(SimulatedDriver):
             simulation.reboot(row.which == 1)
         return kind == _END
 
-    def _publish(self, sensed: RobotState, state: _StateRow, late_s: float, worst_late_s: float) -> None:
+    def _publish(self, sensed: RobotState, state: _StateRow, now_ns: int, late_s: float, worst_late_s: float) -> None:
+        """Send the state, stamped with the moment that it is of.
+
+        Joints that a late process has caught up with have moved for as long as was simulated, not for as long as that
+        took.
+        """
         simulation = self.simulation
         simulation.read(sensed)
         for name in _STATE:
             setattr(state, name, getattr(sensed, name))
-        state.stamp_ns[...], state.imu_stale[...] = time.perf_counter_ns(), sensed.imu_stale
+        state.stamp_ns[...], state.imu_stale[...] = now_ns, sensed.imu_stale
         state.violations[...], state.late_s[...], state.worst_late_s[...] = simulation.violations, late_s, worst_late_s
         truth = simulation.truth()
         for name in _TRUTH:

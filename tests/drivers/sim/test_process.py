@@ -118,6 +118,28 @@ def test_a_short_pause_of_the_process_is_no_fault(robot: SimProcess, op3: Robot)
     assert (state.stale <= op3.safety.max_stale_reads).all() and state.imu_stale <= op3.safety.max_stale_reads
 
 
+def test_a_reading_is_stamped_with_the_moment_that_it_is_of(robot: SimProcess, op3: Robot) -> None:
+    """Regression: it had the time at which it was sent.
+
+    After a pause the joints had moved further than their servos can in the time between two such stamps: on a busy
+    machine runs ended in a fault, "measures a position that cannot be".
+    """
+    state, stamps = RobotState(op3.n), list[int]()
+
+    def read() -> None:
+        robot.read(state)
+        stamps.append(state.stamp_ns)
+
+    for _ in range(3):
+        wait_until(lambda: read() or len(set(stamps)) % 20 == 19, "readings")
+        stop(robot)
+        read()
+        assert robot.pid is not None
+        os.kill(robot.pid, signal.SIGCONT)
+        wait_until(lambda: read() or len(set(stamps)) % 20 == 0, "the robot steps on")
+    assert {stamp % round(QUANTUM_S * 1e9) for stamp in np.diff(stamps)} == {0}
+
+
 def test_values_read_during_a_pause_are_stale(robot: SimProcess, op3: Robot) -> None:
     """Regression: they counted as fresh for 12 reads, and one gyro sample was integrated 12 times."""
     state = RobotState(op3.n)
