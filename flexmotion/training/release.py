@@ -7,7 +7,7 @@ begins from it goes on at the step of those weights.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -67,7 +67,8 @@ def write_release(run: Run, path: Path, *, stages: Sequence[str] | None = None, 
     Args:
         run: trained, or still in training.
         path: of the file.
-        stages: of `NEEDS`, and `text` for the sentence encoder; None for all that are trained.
+        stages: of `NEEDS`, and `text` for the sentence encoder; None for all that are trained. Without `text` the
+            encoder lies in the folder `text` beside the file, unless a shipped bundle has it.
         description: for the header.
 
     Raises:
@@ -90,6 +91,8 @@ def write_release(run: Run, path: Path, *, stages: Sequence[str] | None = None, 
     if stages is not None and TEXT in stages and not has_text:
         raise ConfigError(f"{run.stage(TEXT)}: not trained; run 'flexmotion train text' first")
     encoder = _halved_text(run.stage(TEXT)) if has_text else {}
+    if encoder and stages is not None and TEXT not in stages:
+        _write_encoder(encoder, path.parent / TEXT)
     if stages is None or TEXT in stages:
         tensors |= {name: torch.frombuffer(bytearray(content), dtype=torch.uint8) for name, content in encoder.items()}
     summary = run.summary()
@@ -193,23 +196,37 @@ def _halved_text(folder: Path) -> dict[str, bytes]:
         return {NETWORK: network.read_bytes(), VOCABULARY: (folder / VOCABULARY).read_bytes()}
 
 
+def _write_encoder(encoder: Mapping[str, bytes], folder: Path) -> None:
+    """Write the files of a sentence encoder to `folder`, unless a shipped bundle has them."""
+    expected = {name: hashlib.sha256(content).hexdigest() for name, content in encoder.items()}
+    if any(_has_encoder(bundle, expected) for bundle in shipped_bundles().values()):
+        return
+    folder.mkdir(exist_ok=True)
+    for name, content in encoder.items():
+        (folder / name).write_bytes(content)
+
+
+def _has_encoder(folder: Path, expected: Mapping[str, str]) -> bool:
+    return all((folder / name).is_file() and sha256(folder / name) == expected[name] for name in TEXT_FILES)
+
+
 def _unpack_text(release: ReleaseFile, folder: Path) -> None:
-    """Write the sentence encoder of a release, from the file or from a bundle with the same one."""
+    """Write the sentence encoder of a release: that of the file, of the folder `text` beside it, or of a bundle."""
     expected = release.header.text
     if not expected or (folder / NETWORK).is_file():
         return
     if all(name in release.tensors for name in TEXT_FILES):
         content = {name: release.tensors[name].numpy().tobytes() for name in TEXT_FILES}
     else:
-        bundles = shipped_bundles().values()
-        same = (bundle for bundle in bundles if all(sha256(bundle / name) == expected[name] for name in TEXT_FILES))
-        bundle = next(same, None)
-        if bundle is None:
+        beside = release.path.parent / TEXT
+        same = (place for place in (beside, *shipped_bundles().values()) if _has_encoder(place, expected))
+        place = next(same, None)
+        if place is None:
             raise ConfigError(
-                f"{release.path}: was written without its sentence encoder, and no bundle of this installation has it;"
-                " write it with --stages ...,text"
+                f"{release.path}: was written without its sentence encoder; expected it in {beside}, or in a bundle of"
+                " this installation; write it with --stages ...,text"
             )
-        content = {name: (bundle / name).read_bytes() for name in TEXT_FILES}
+        content = {name: (place / name).read_bytes() for name in TEXT_FILES}
     folder.mkdir(exist_ok=True)
     for name, data in content.items():
         (folder / name).write_bytes(data)

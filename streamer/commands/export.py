@@ -39,7 +39,7 @@ def export(
         str | None,
         typer.Option(
             help="Of the weights file, with commas: autoencoder, text, diffusion, distill, evaluator; default: all"
-            " that are trained. Without text, a shipped bundle must have the same sentence encoder.",
+            " that are trained. Without text, the sentence encoder is written to the folder text beside the file.",
             show_default=False,
         ),
     ] = None,

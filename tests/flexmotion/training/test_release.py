@@ -181,15 +181,19 @@ def test_a_release_is_personalised_without_any_other_set(
     assert float(again) == float(loss)
 
 
-def test_a_release_without_its_sentence_encoder_finds_it_in_a_bundle(
+def test_a_release_without_its_sentence_encoder_finds_it_beside_it_or_in_a_bundle(
     trained: Run, released: Path, bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import flexmotion.training.release as module
 
     path = tmp_path / "smaller.safetensors"
     write_release(trained, path, stages=["autoencoder", "diffusion"])
+    assert {file.name for file in (tmp_path / "text").iterdir()} == {"text.onnx", "vocabulary.txt"}
     assert path.stat().st_size < released.stat().st_size
-    with pytest.raises(ConfigError, match="without its sentence encoder"):
+    run = begin_run(path, tmp_path / "first", ["diffusion"])
+    assert (run.stage("text") / "text.onnx").read_bytes() == (bundle.folder / "text.onnx").read_bytes()
+    (tmp_path / "text" / "text.onnx").write_bytes(b"another one")
+    with pytest.raises(ConfigError, match="without its sentence encoder; expected it in .*text, or in a bundle"):
         begin_run(path, tmp_path / "none", ["diffusion"])
     monkeypatch.setattr(module, "shipped_bundles", lambda: {"ours": bundle.folder})
     run = begin_run(path, tmp_path / "new", ["diffusion"])
