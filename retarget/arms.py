@@ -128,12 +128,6 @@ class UpperBody:
         """Places of the hands from the shoulders, (T, 2, 3) [m]."""
         return self.lengths[:, :1] * targets.upper + self.lengths[:, 1:] * targets.fore
 
-    def arm_points(self, q: Float) -> tuple[Float, Float, Float]:
-        """Shoulders, elbows and hands in the torso frame for joint angles (n,), (2, 3) each [m]; left, right."""
-        hands = self.hand_positions(q)
-        anchors = self._xanchor[self._joint_ids[:, -2:]] - self.data.xpos[self.torso]
-        return anchors[:, 0].copy(), anchors[:, 1].copy(), hands
-
     def _gaze(self, human: HumanKinematics) -> dict[str, Float]:
         relative = np.swapaxes(human.torso_rotation, 1, 2) @ human.head_rotation
         yaw, pitch = zyx_yaw_pitch(relative)
