@@ -23,6 +23,8 @@ _CANDIDATES = 5
 """Candidates of a frame: the best sample of each of as many parts."""
 _REFINEMENTS = 1
 """Gauss-Newton steps of the candidates before they are compared; two change no figure."""
+_RATE_HZ = 15.0
+"""Frames a second for which configurations are decided; between them joints move evenly."""
 _TRAVEL_COST = 4.0
 """Cost of a radian that a joint must move faster than it can, in squared chords of directions times frames at
 `_COST_FPS`: swinging an arm around by 3 rad costs as much as both directions being 26 degrees off for a second."""
@@ -47,7 +49,7 @@ class ArmBranches:
         low, high = cells[:, None, 0], cells[:, None, 1]
         # (cells, samples, 2, m)
         self._poses = low + spread[None, :, None, :] * (high - low)
-        self._directions = chain.poses(self._poses)
+        self._features = cost.features(chain.poses(self._poses.reshape(-1, *chain.lower.shape)))
 
     def choose(self, targets: ArmTargets, start: Float, fps: float) -> Float:
         """Configurations near the best sequence, (F, 2, m) [rad]: starts for a refinement.
@@ -57,6 +59,19 @@ class ArmBranches:
             start: joint angles before the first frame, (2, m) [rad].
             fps: frames a second.
         """
+        frames = len(targets.upper)
+        every = max(round(fps / _RATE_HZ), 1)
+        rows = np.arange(0, frames, every)
+        chosen = self._sequence(targets.frames(rows), start, fps / every)
+        last = len(rows) - 1
+        place = np.minimum(np.arange(frames) / every, last)
+        low = np.minimum(place.astype(int), max(last - 1, 0))
+        share = (place - low)[:, None, None]
+        found: Float = chosen[low] + share * (chosen[np.minimum(low + 1, last)] - chosen[low])
+        return found
+
+    def _sequence(self, targets: ArmTargets, start: Float, fps: float) -> Float:
+        """The best sequence of candidates; arguments as in `choose`."""
         poses, costs = self._candidates(targets)
         reach = self.speed / fps
         # Frames by candidates before by candidates after, (F - 1, K, K, 2); of the first frame from the start.
@@ -77,13 +92,13 @@ class ArmBranches:
 
     def _candidates(self, targets: ArmTargets) -> tuple[Float, Float]:
         """Poses (F, K, 2, m) [rad] and their costs (F, K, 2)."""
-        sampled = self.cost.compare(targets, self._directions.upper, self._directions.fore)
-        best = sampled.argmin(axis=2)
-        least = np.take_along_axis(sampled, best[:, :, None], axis=2)[:, :, 0]
-        cells = np.argpartition(least, _CANDIDATES - 1, axis=1)[:, :_CANDIDATES]
-        samples = np.take_along_axis(best, cells, axis=1)
-        poses = self._poses[cells, samples, _SIDES]
-        wide = targets.repeated(_CANDIDATES)
+        sampled = self.cost.compare(targets, self._features).reshape(2, len(targets.upper), _CELLS, _SAMPLES)
+        best = sampled.argmin(axis=-1)
+        least = np.take_along_axis(sampled, best[..., None], axis=-1)[..., 0]
+        cells = np.argpartition(least, _CANDIDATES - 1, axis=-1)[..., :_CANDIDATES]
+        samples = np.take_along_axis(best, cells, axis=-1)
+        poses = self._poses[cells.transpose(1, 2, 0), samples.transpose(1, 2, 0), _SIDES]
+        wide = targets.for_candidates()
         for _ in range(_REFINEMENTS):
             poses = self.cost.improved(wide, poses)
         return poses, self.cost.of(wide, poses)

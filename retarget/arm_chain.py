@@ -8,6 +8,7 @@ over all poses at once, since a call into MuJoCo per pose costs more than the ar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -31,12 +32,14 @@ _ALONG = 0.7
 class ArmPoses:
     """Segments of both arms for a batch of poses, in the torso frame; sides left, right.
 
+    Vectors have their coordinates last, and lie in memory with their coordinates first (see `coordinates_first`).
+
     Attributes:
         upper, fore: unit vectors from shoulder to elbow and from elbow to hand, (..., 2, 3). Those of an arm without
             elbow are both from shoulder to hand.
         shoulder, elbow, hand: positions, (..., 2, 3) [m].
         upper_jacobian, fore_jacobian: derivatives of the unit vectors by the joints of their arm, (..., 2, m, 3)
-            [1/rad].
+            [1/rad]; computed when they are first asked for.
     """
 
     upper: Float
@@ -44,8 +47,60 @@ class ArmPoses:
     shoulder: Float
     elbow: Float
     hand: Float
-    upper_jacobian: Float
-    fore_jacobian: Float
+    _upper_segment: _Segment
+    _fore_segment: _Segment
+
+    @cached_property
+    def upper_jacobian(self) -> Float:
+        """See the class."""
+        return self._upper_segment.jacobian()
+
+    @cached_property
+    def fore_jacobian(self) -> Float:
+        """See the class."""
+        return self.upper_jacobian if self._fore_segment is self._upper_segment else self._fore_segment.jacobian()
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """One segment of both arms, coordinates first.
+
+    Attributes:
+        along: from its begin to its end, (3, ..., 2) [m]; length: of it, (..., 2) [m]; unit: along / length.
+        end: (3, ..., 2) [m].
+        axes, anchors: of all joints, (3, m, ..., 2).
+        first, last: the joints at its begin and its end; None: the hand.
+    """
+
+    along: Float
+    length: Float
+    unit: Float
+    end: Float
+    axes: Float
+    anchors: Float
+    first: int
+    last: int | None
+
+    @classmethod
+    def between(cls, begin: Float, end: Float, axes: Float, anchors: Float, first: int, last: int | None) -> _Segment:
+        """The segment between two points (3, ..., 2) [m]."""
+        along = end - begin
+        length = np.sqrt((along * along).sum(axis=0))
+        return cls(along, length, along / length, end, axes, anchors, first, last)
+
+    def jacobian(self) -> Float:
+        """Derivatives of the unit vector, (..., 2, m, 3) [1/rad]."""
+        moved = self.end[:, None] - self.anchors
+        # Joints before the first point turn both points.
+        moved[:, : self.first + 1] = self.along[:, None]
+        out = _cross(self.axes, moved)
+        if self.last is not None:
+            out[:, self.last :] = 0.0
+        unit = self.unit[:, None]
+        out -= (out * unit).sum(axis=0) * unit
+        out /= self.length
+        by_joint: Float = out.transpose(*range(2, out.ndim), 1, 0)
+        return by_joint
 
 
 class ArmChain:
@@ -145,58 +200,60 @@ class ArmChain:
 
     def poses(self, q: Float) -> ArmPoses:
         """Segments of the arms at joint angles (..., 2, m) [rad]."""
-        shape, count = q.shape[:-1], q.shape[-1]
-        angle = (q - self._zero)[..., None, None]
+        batch, count = q.shape[:-1], q.shape[-1]
+        angle = np.ascontiguousarray(coordinates_first(q - self._zero))
         sin, versine = np.sin(angle), 1.0 - np.cos(angle)
-        turns = np.eye(3) + sin * self._cross + versine * self._cross_squared
-        rotation = np.broadcast_to(np.eye(3), (*shape, 3, 3))
-        shift = np.zeros((*shape, 3))
-        axes, anchors = np.empty((2, *shape, count, 3))
-        for k in range(count):
-            anchor, axis = self._anchors[:, k, :, None], self._axes[:, k, :, None]
-            axes[..., k, :] = (rotation @ axis)[..., 0]
-            anchors[..., k, :] = shift + (rotation @ anchor)[..., 0]
-            rotation = rotation @ turns[..., k, :, :]
-            # The anchor stays where it is.
-            shift = anchors[..., k, :] - (rotation @ anchor)[..., 0]
-        hand = shift + (rotation @ self._tips[..., None])[..., 0]
-        shoulder = anchors[..., self._shoulder, :]
-        elbow = hand if self._elbow is None else anchors[..., self._elbow, :]
-        upper, upper_jacobian = _direction(shoulder, elbow, axes, anchors, self._shoulder, self._elbow)
-        if self._elbow is None:
-            return ArmPoses(upper, upper, shoulder, hand, hand, upper_jacobian, upper_jacobian)
-        fore, fore_jacobian = _direction(elbow, hand, axes, anchors, self._elbow, None)
-        return ArmPoses(upper, fore, shoulder, elbow, hand, upper_jacobian, fore_jacobian)
+        # Each joint turns what comes after it: anchors and ends of axes of later joints, and the hand.
+        points = np.empty((3, 2 * count + 1, *batch))
+        points[:, :-1:2] = self._for_batch(self._anchors, batch)
+        points[:, 1::2] = self._for_batch(self._anchors + self._axes, batch)
+        points[:, -1:] = self._for_batch(self._tips[:, None], batch)
+        for k in range(count - 1, -1, -1):
+            moved = points[:, 2 * k + 2 :]
+            away = moved - points[:, 2 * k, None]
+            # Rodrigues' formula without the identity: sin K + (1 - cos) K², by columns.
+            turn = sin[k] * self._for_batch(self._cross[:, k], batch)
+            turn += versine[k] * self._for_batch(self._cross_squared[:, k], batch)
+            for column in range(3):
+                moved += turn[column][:, None] * away[column]
+        anchors, hand = points[:, :-1:2], points[:, -1]
+        axes = points[:, 1::2] - anchors
+        shoulder = anchors[:, self._shoulder]
+        elbow = hand if self._elbow is None else anchors[:, self._elbow]
+        upper = _Segment.between(shoulder, elbow, axes, anchors, self._shoulder, self._elbow)
+        fore = upper if self._elbow is None else _Segment.between(elbow, hand, axes, anchors, self._elbow, None)
+        return ArmPoses(
+            upper=coordinates_last(upper.unit),
+            fore=coordinates_last(fore.unit),
+            shoulder=coordinates_last(shoulder),
+            elbow=coordinates_last(elbow),
+            hand=coordinates_last(hand),
+            _upper_segment=upper,
+            _fore_segment=fore,
+        )
+
+    @staticmethod
+    def _for_batch(constants: Float, batch: tuple[int, ...]) -> Float:
+        """Constants of both sides, (2, k, 3), coordinates first for a batch (..., 2): (3, k, ..., 2)."""
+        return constants.transpose(2, 1, 0).reshape(3, -1, *[1] * (len(batch) - 1), 2)
 
 
-def _direction(
-    begin: Float, end: Float, axes: Float, anchors: Float, first: int, last: int | None
-) -> tuple[Float, Float]:
-    """Unit vector between two points of a chain, (..., 3), and its derivative by the joints, (..., m, 3).
+def coordinates_first(array: Float) -> Float:
+    """A view with the last axis first, (..., n) -> (n, ...): numpy is fastest along a long last axis."""
+    return array.transpose(-1, *range(array.ndim - 1))
 
-    Args:
-        begin, end: the points; those of joints `first` and `last` (None: the hand).
-        axes, anchors: of the joints, (..., m, 3).
-    """
-    along = end - begin
-    length = np.linalg.norm(along, axis=-1, keepdims=True)
-    unit = along / length
-    moved = end[..., None, :] - anchors
-    # Joints before the first point turn both points.
-    moved[..., : first + 1, :] = along[..., None, :]
-    jacobian = _cross(axes, moved)
-    if last is not None:
-        jacobian[..., last:, :] = 0.0
-    jacobian -= np.sum(jacobian * unit[..., None, :], axis=-1, keepdims=True) * unit[..., None, :]
-    return unit, jacobian / length[..., None, :]
+
+def coordinates_last(array: Float) -> Float:
+    """A view with the first axis last, (n, ...) -> (..., n)."""
+    return array.transpose(*range(1, array.ndim), 0)
 
 
 def _cross(a: Float, b: Float) -> Float:
-    """Cross product; `numpy.cross` takes five times as long."""
+    """Cross product of vectors with coordinates first; `numpy.cross` takes five times as long."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
     return out
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
+from flexmotion.retarget.arm_chain import ArmChain, ArmPoses, coordinates_first, coordinates_last
 from flexmotion.retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
@@ -41,13 +41,14 @@ class BodyClearance:
         fore = np.flatnonzero(solid & (model.geom_bodyid == model.body(hands.left.body).id))
         thickness = float(model.geom_aabb[fore, 3:].min(axis=1).max()) if len(fore) else 0.0
         arm = chain.lengths.sum(axis=1)
-        self._lengths, self._scale = chain.lengths, _WEIGHT / arm[:, None]
+        self._lengths, self._scale = chain.lengths, _WEIGHT / arm
         data = mujoco.MjData(model)
         data.qpos[:7], data.qpos[robot.qpos_address] = (0, 0, 0, 1, 0, 0, 0), robot.stand_pose
         mujoco.mj_kinematics(model, data)
         origin, torso = data.xpos[robot.torso_id], data.xmat[robot.torso_id].reshape(3, 3)
         hips = [model.joint(robot.joint_names[robot.chain(f"{side}_leg")["hip_pitch"]]).id for side in SIDE_NAMES]
         self._hips = torso.T @ (data.xanchor[hips].mean(axis=0) - origin)
+        self._elbow = chain.has_elbow
         self._boxes = []
         for body, leans in ((robot.torso_id, False), *((int(model.jnt_bodyid[hip]), True) for hip in hips)):
             for geom in np.flatnonzero(solid & (model.geom_bodyid == body)):
@@ -64,37 +65,55 @@ class BodyClearance:
         Args:
             poses: of the arms, (..., 2, 3); lean: pitch of the trunk forward, (...) [rad].
         """
-        begin = poses.elbow if poses.elbow is not poses.hand else poses.shoulder
-        points = begin[..., None, :] + _SHARES[:, None] * (poses.hand - begin)[..., None, :]
-        depth, away = np.zeros(points.shape[:-1]), np.zeros(points.shape)
+        begin = coordinates_first(poses.elbow if self._elbow else poses.shoulder)
+        shares = _SHARES.reshape(-1, *[1] * (begin.ndim - 1))
+        # Coordinates first, (3, P, ..., 2), for as few and as long operations as possible.
+        points = begin[:, None] + shares * (coordinates_first(poses.hand) - begin)[:, None]
+        shape = points.shape[1:]
+        points = points.reshape(3, -1)
         # Legs seen from a trunk that leans forward by a pitch: as the points turned by it about the hips.
-        to_legs = _pitch(lean)[..., None, :, :]
-        by_legs = (points - self._hips) @ to_legs.swapaxes(-1, -2) + self._hips
+        pitch = np.broadcast_to(lean[..., None], shape).reshape(-1)
+        by_legs = _pitched(points - self._hips[:, None], pitch) + self._hips[:, None]
+        depth, away = np.zeros(points.shape[1]), np.zeros(points.shape)
         for rotation, centre, half, leans in self._boxes:
-            local = ((by_legs if leans else points) - centre) @ rotation
-            beyond = np.abs(local) - half
-            outside = np.maximum(beyond, 0.0)
-            distance = np.linalg.norm(outside, axis=-1)
-            inside = distance == 0.0
-            nearest = (beyond == beyond.max(axis=-1, keepdims=True)).astype(float)
-            normal = np.where(inside[..., None], nearest, outside / np.maximum(distance, 1e-9)[..., None])
-            found = self._distance - np.where(inside, beyond.max(axis=-1), distance)
-            deeper = found > depth
-            depth = np.where(deeper, found, depth)
-            normal = (normal * np.sign(local)) @ rotation.T
-            away = np.where(deeper[..., None], normal @ to_legs if leans else normal, away)
-        upper, fore = self._lengths[:, :1, None], self._lengths[:, 1:, None]
-        along = (fore * poses.fore_jacobian)[..., None, :]
-        moved = (upper * poses.upper_jacobian)[..., None, :] + _SHARES[:, None] * along
-        slope = -np.sum(moved * away[..., None, :, :], axis=-1)
-        return self._scale * depth, self._scale[..., None] * slope
+            local = rotation.T @ ((by_legs if leans else points) - centre[:, None])
+            beyond = np.abs(local) - half[:, None]
+            farthest = beyond.max(axis=0)
+            # Most points are far from the body: the rest is for those in the grown box.
+            near = np.flatnonzero(farthest < self._distance)
+            if not len(near):
+                continue
+            found, normal = self._depths(beyond[:, near], farthest[near])
+            deeper = found > depth[near]
+            near = near[deeper]
+            depth[near] = found[deeper]
+            normal = rotation @ (normal[:, deeper] * np.sign(local[:, near]))
+            away[:, near] = _pitched(normal, -pitch[near]) if leans else normal
+        depth, away = self._scale * depth.reshape(shape), self._scale * away.reshape(3, *shape)
+        slope = np.zeros((poses.upper_jacobian.shape[-2], *shape))
+        if depth.any():
+            upper, fore = (
+                array.transpose(-1, -2, *range(array.ndim - 2)) for array in (poses.upper_jacobian, poses.fore_jacobian)
+            )
+            slope -= self._lengths[:, 0] * np.einsum("xm...,xp...->mp...", upper, away)
+            slope -= shares * self._lengths[:, 1] * np.einsum("xm...,xp...->mp...", fore, away)
+        return coordinates_last(depth), slope.transpose(*range(2, slope.ndim), 0, 1)
+
+    def _depths(self, beyond: Float, farthest: Float) -> tuple[Float, Float]:
+        """Depths of points in a box that is grown by the distance, (N,) [m], and normals without their signs, (3, N).
+
+        Args:
+            beyond: distance of each point from the box's faces, (3, N) [m]; farthest: the greatest of each point, (N,).
+        """
+        outside = np.maximum(beyond, 0.0)
+        distance = np.sqrt((outside * outside).sum(axis=0))
+        inside = distance == 0.0
+        normal = np.where(inside, (beyond == farthest).astype(float), outside / np.maximum(distance, 1e-9))
+        return self._distance - np.where(inside, farthest, distance), normal
 
 
-def _pitch(angle: Float) -> Float:
-    """Rotations about y, (...) [rad] -> (..., 3, 3)."""
-    out = np.zeros((*angle.shape, 3, 3))
-    out[..., 0, 0] = out[..., 2, 2] = np.cos(angle)
-    out[..., 0, 2] = np.sin(angle)
-    out[..., 2, 0] = -out[..., 0, 2]
-    out[..., 1, 1] = 1.0
-    return out
+def _pitched(points: Float, angle: Float) -> Float:
+    """Points (3, N), each turned about y by its angle (N,) [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y, z = points
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x])

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.kinematics import HumanKinematics
-from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
+from flexmotion.retarget.arm_chain import ArmChain, ArmPoses, coordinates_first, coordinates_last
 from flexmotion.retarget.arm_clearance import BodyClearance
 from flexmotion.spatial.heading import matrix_heading
 
@@ -75,14 +75,9 @@ class ArmTargets:
         """Those of some frames."""
         return ArmTargets(self.upper[rows], self.fore[rows], self.hand_weight[rows], self.lean[rows])
 
-    def repeated(self, count: int) -> ArmTargets:
-        """The same for several poses of each frame, (F, count, 2, ...)."""
-        return ArmTargets(
-            *(
-                np.repeat(array[:, None], count, axis=1)
-                for array in (self.upper, self.fore, self.hand_weight, self.lean)
-            )
-        )
+    def for_candidates(self) -> ArmTargets:
+        """The same for any number of poses of each frame, (F, 1, 2, ...)."""
+        return ArmTargets(self.upper[:, None], self.fore[:, None], self.hand_weight[:, None], self.lean[:, None])
 
 
 class ArmCost:
@@ -98,28 +93,29 @@ class ArmCost:
         self.chain, self.clearance, self.rest = chain, clearance, rest
         self._shares = chain.lengths / chain.lengths.sum(axis=1, keepdims=True)
 
-    def compare(self, targets: ArmTargets, upper: Float, fore: Float) -> Float:
-        """Costs in directions of every pose (C, S, 2, 3) at every frame, (F, C, S, 2)."""
-        cells, samples = upper.shape[:2]
-        out = np.empty((len(targets.upper), cells, samples, 2))
-        for side, (a, b) in enumerate(self._shares):
-            h = targets.hand_weight[:, side, None]
-            # |u - u*|² = 2 - 2 u.u*, and |c|² by u.u*, f.f*, u.f*, f.u* and u.f.
-            own = np.concatenate([upper[:, :, side], fore[:, :, side]], axis=-1).reshape(-1, 6)
-            us, fs = targets.upper[:, side], targets.fore[:, side]
-            wanted = np.concatenate(
-                [(1.0 + h * a * a) * us + h * a * b * fs, (1.0 + h * b * b) * fs + h * a * b * us], axis=1
-            )
-            both = np.sum(own[:, :3] * own[:, 3:], axis=1)
-            cost = -2.0 * (wanted @ own.T) + 2.0 * a * b * h * both
-            cost += 4.0 + 2.0 * h * (a * a + b * b) + 2.0 * a * b * h * np.sum(us * fs, axis=1, keepdims=True)
-            out[..., side] = cost.reshape(len(us), cells, samples)
-        return out
+    def features(self, poses: ArmPoses) -> Float:
+        """What `compare` needs of poses (N, 2, ...), (2, N, 7)."""
+        both = np.sum(poses.upper * poses.fore, axis=-1, keepdims=True)
+        return np.ascontiguousarray(np.concatenate([poses.upper, poses.fore, both], axis=-1).swapaxes(0, 1))
+
+    def compare(self, targets: ArmTargets, features: Float) -> Float:
+        """Costs in directions of poses by their `features` at every frame, less a constant of the frame, (2, F, N)."""
+        a, b = self._shares[:, 0], self._shares[:, 1]
+        h = targets.hand_weight[..., None]
+        # |u - u*|² = 2 - 2 u.u*, and |c|² by u.u*, f.f*, u.f*, f.u* and u.f.
+        a, b = a[:, None], b[:, None]
+        upper = (1.0 + h * a * a) * targets.upper + h * a * b * targets.fore
+        fore = (1.0 + h * b * b) * targets.fore + h * a * b * targets.upper
+        wanted = 2.0 * np.concatenate([-upper, -fore, h * a * b], axis=-1)
+        costs: Float = wanted.swapaxes(0, 1) @ features.swapaxes(1, 2)
+        return costs
 
     def of(self, targets: ArmTargets, q: Float) -> Float:
         """Cost of poses (..., 2, m), one for each target, in directions alone, (..., 2)."""
-        residual, _ = self._directions(targets, self.chain.poses(q))
-        return np.sum(residual**2, axis=-1)
+        upper, fore = self._errors(targets, self.chain.poses(q))
+        hand = self._shares[:, 0] * upper + self._shares[:, 1] * fore
+        cost: Float = np.sum(upper * upper + fore * fore + targets.hand_weight * hand * hand, axis=0)
+        return cost
 
     def normal(
         self, targets: ArmTargets, q: Float, lower: Float, upper: Float, *, clear: bool = True
@@ -133,18 +129,24 @@ class ArmCost:
         """
         poses = self.chain.poses(q)
         residual, jacobian = self._directions(targets, poses)
+        matrix = np.einsum("ri...,rj...->ij...", jacobian, jacobian)
+        push = np.einsum("ri...,r...->i...", jacobian, residual)
         if clear:
             depth, slope = self.clearance.residual(poses, targets.lean)
-            residual = np.concatenate([residual, depth], axis=-1)
-            jacobian = np.concatenate([jacobian, slope], axis=-1)
-        matrix = jacobian @ jacobian.swapaxes(-1, -2)
-        right = -(jacobian @ residual[..., None])[..., 0] - _REST_WEIGHT * (q - self.rest)
+            if depth.any():
+                matrix += np.einsum("...ip,...jp->ij...", slope, slope)
+                push += np.einsum("...ip,...p->i...", slope, depth)
+        matrix = matrix.transpose(*range(2, matrix.ndim), 0, 1)
+        right = -coordinates_last(push) - _REST_WEIGHT * (q - self.rest)
         held = ((q <= lower) & (right < 0.0)) | ((q >= upper) & (right > 0.0))
-        free = (~held).astype(float)
-        matrix *= free[..., None] * free[..., None, :]
         diagonal = np.einsum("...ii->...i", matrix)
-        diagonal += _DAMPING + _REST_WEIGHT + _HELD * held
-        return matrix, right * free
+        if held.any():
+            free = (~held).astype(float)
+            matrix *= free[..., None] * free[..., None, :]
+            right *= free
+            diagonal += _HELD * held
+        diagonal += _DAMPING + _REST_WEIGHT
+        return matrix, right
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
         """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself, by directions alone."""
@@ -153,15 +155,29 @@ class ArmCost:
         step = np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
         return np.clip(q + _bounded(step), lower, upper)
 
+    def _errors(self, targets: ArmTargets, poses: ArmPoses) -> tuple[Float, Float]:
+        """Differences of the directions of upper arms and forearms from the targets, (3, ..., 2) each."""
+        return (
+            coordinates_first(poses.upper) - coordinates_first(targets.upper),
+            coordinates_first(poses.fore) - coordinates_first(targets.fore),
+        )
+
     def _directions(self, targets: ArmTargets, poses: ArmPoses) -> tuple[Float, Float]:
-        """Residuals (..., 2, 9) and their derivatives by the joints, (..., 2, m, 9)."""
-        upper, fore = poses.upper - targets.upper, poses.fore - targets.fore
-        a, b = self._shares[:, :1], self._shares[:, 1:]
-        root = np.sqrt(targets.hand_weight)[..., None]
-        residual = np.concatenate([upper, fore, root * (a * upper + b * fore)], axis=-1)
-        du, df = poses.upper_jacobian, poses.fore_jacobian
-        hand = root[..., None] * (a[..., None] * du + b[..., None] * df)
-        return residual, np.concatenate([du, df, hand], axis=-1)
+        """Residuals, (6, ..., 2), and their derivatives by the joints, (6, m, ..., 2); their squares sum to the cost.
+
+        The cost is quadratic in both differences, with the weights [[1 + h a², h a b], [h a b, 1 + h b²]] of each of
+        their coordinates: the residuals are those differences times its Cholesky factor.
+        """
+        (a, b), h = self._shares.T, targets.hand_weight
+        first = np.sqrt(1.0 + h * a * a)
+        mixed = h * a * b / first
+        second = np.sqrt(1.0 + h * b * b - mixed * mixed)
+        upper, fore = self._errors(targets, poses)
+        du, df = (
+            array.transpose(-1, -2, *range(array.ndim - 2)) for array in (poses.upper_jacobian, poses.fore_jacobian)
+        )
+        residual = np.concatenate([first * upper + mixed * fore, second * fore])
+        return residual, np.concatenate([first * du + mixed * df, second * df])
 
 
 def _bounded(step: Float) -> Float:

@@ -22,7 +22,7 @@ _SPEED_WEIGHT = 300.0
 """Cost of a squared radian that a joint moves further in a frame than it can."""
 _STEPS = 6
 """Most Gauss-Newton steps."""
-_ARRIVED = 0.01
+_ARRIVED = 0.02
 """The steps end when no joint moves further than this [rad]."""
 
 
