@@ -119,12 +119,13 @@ class Swings:
         Returns:
             The pose of the foot, (4,) [m, m, m, rad]; also where that is too fast without going ahead at all.
         """
-        ahead, aside, turn = _travel(side, start, target)
-        shortest = self._shortest(aside, turn)
-        if np.interp(ahead, self.ahead, shortest, left=np.inf, right=np.inf) <= seconds:
+        if self.shortest_s(side, start, target) <= seconds:
             return target
+        ahead, aside, turn = _travel(side, start, target)
+        beyond = max(1.0, abs(aside) / self.aside[-1], abs(turn) / self.turns[-1])  # as in `shortest_s`
+        shortest = beyond * self._shortest(aside / beyond, turn / beyond)
         tried = ahead * _FINE
-        within = np.interp(tried, self.ahead, shortest, left=np.inf, right=np.inf) <= seconds
+        within = np.interp(tried / beyond, self.ahead, shortest, left=np.inf, right=np.inf) <= seconds
         less = ahead - float(tried[np.argmax(within)] if within.any() else 0.0)
         yaw = 0.5 * (start[3] + target[3])
         bounded: Float = target - less * np.array([np.cos(yaw), np.sin(yaw), 0.0, 0.0])

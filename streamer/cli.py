@@ -120,18 +120,20 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     return code if isinstance(code, int) else OK
 
 
-_VALUE_OPTIONAL = {"--mirror": "127.0.0.1:39539"}
-"""Options whose value may be left out, which Typer does not know, and that value."""
+_VALUE_OPTIONAL = {("dry-run", "--mirror"): "127.0.0.1:39539", ("run", "--mirror"): "127.0.0.1:39539"}
+"""Options of commands whose value may be left out, which Typer does not know, and that value."""
 
 
 def _with_defaults(arguments: Sequence[str] | None) -> list[str]:
     """A command line in which every option of `_VALUE_OPTIONAL` has its value."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    command = next((word for word in given if not word.startswith("-")), "")
     filled = []
-    for word, following in zip(given, [*given[1:], "-"], strict=True):
+    for place, word in enumerate(given):
         filled.append(word)
-        if word in _VALUE_OPTIONAL and following.startswith("-"):
-            filled.append(_VALUE_OPTIONAL[word])
+        following = given[place + 1] if place + 1 < len(given) else "-"
+        if (command, word) in _VALUE_OPTIONAL and following.startswith("-"):
+            filled.append(_VALUE_OPTIONAL[command, word])
     return filled
 
 

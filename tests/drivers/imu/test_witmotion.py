@@ -201,7 +201,7 @@ def test_it_can_be_closed_and_opened_again(robot: Robot) -> None:
     [
         ({"driver": "bno"}, r"imu\.driver: unknown IMU 'bno', expected one of: witmotion; or opencr, on a dynamixel"),
         ({"driver": "opencr", "bus": "main"}, "unknown IMU 'opencr'"),
-        ({"driver": "witmotion"}, r"field imu\.options: field port: Field required"),
+        ({"driver": "witmotion"}, r"field imu\.options: field port: missing"),
         ({"driver": "witmotion", "options": {"port": "/dev/x", "speed": 1}}, r"field speed: unknown field, .* baud"),
     ],
 )
