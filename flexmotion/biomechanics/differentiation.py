@@ -7,8 +7,8 @@ formula would be 12 % low.
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 from scipy.signal import savgol_coeffs
 
 Float = NDArray[np.float64]
@@ -37,7 +37,11 @@ def _apply(weights: Float, signal: Float) -> Float:
     if frames < 3:
         signal = np.concatenate([signal, np.repeat(signal[-1:], 3 - frames, axis=0)])
     padded = np.concatenate([_continued(signal[:3][::-1])[::-1], signal, _continued(signal[-3:])])
-    found: Float = correlate1d(padded, weights, axis=0, mode="nearest")[HALF : HALF + frames]
+    rows = np.ascontiguousarray(padded, np.float64).reshape(len(padded), -1)
+    # Views of seven neighbours each, one product a frame: several times as fast as scipy's filter of the first axis.
+    strides = (rows.strides[0], *rows.strides)
+    neighbours = as_strided(rows, (frames, len(weights), rows.shape[1]), strides, writeable=False)
+    found: Float = (weights @ neighbours).reshape(frames, *signal.shape[1:])
     return found
 
 

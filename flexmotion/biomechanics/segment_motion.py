@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.human.body import Body
-from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.human_model import HumanModel, human_model, scratch
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
@@ -56,7 +56,7 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     smoothly.
     """
     human = human_model(motion.body)
-    model, data = human.model, mujoco.MjData(human.model)
+    model, data = human.model, scratch(motion.body)
     qpos, frames = human.qpos(motion), len(motion)
     position, com = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 3))
     rotation = np.empty((frames, model.nbody, 9))

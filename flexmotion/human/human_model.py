@@ -8,6 +8,7 @@ Masses of foot and forearm are lumped: the foot on the calcaneus, half of the fo
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -107,6 +108,16 @@ class HumanModel:
 def human_model(body: Body) -> HumanModel:
     """The model of a human, compiled once per body."""
     return HumanModel(body, human_spec(body).compile())
+
+
+def scratch(body: Body) -> mujoco.MjData:
+    """State of a human's model for the calling thread to overwrite: making it costs as much as a second of motion."""
+    return _scratch(body, threading.get_ident())
+
+
+@lru_cache(maxsize=32)
+def _scratch(body: Body, thread: int) -> mujoco.MjData:
+    return mujoco.MjData(human_model(body).model)
 
 
 def human_spec(body: Body) -> mujoco.MjSpec:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass, fields
-from functools import lru_cache
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.human.body import Body
-from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.human_model import HumanModel, human_model, scratch
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 
@@ -87,7 +84,7 @@ class HumanKinematics:
 def forward(motion: Motion) -> HumanKinematics:
     """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body."""
     human = human_model(motion.body)
-    model, data = human.model, _scratch(motion.body, threading.get_ident())
+    model, data = human.model, scratch(motion.body)
     qpos, frames = human.qpos(motion), len(motion)
     bodies, sites = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nsite, 3))
     centres, rotations = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
@@ -98,12 +95,6 @@ def forward(motion: Motion) -> HumanKinematics:
         mujoco.mj_kinematics(model, data)
         bodies[frame], centres[frame], rotations[frame], sites[frame] = xpos, xipos, xmat, site_xpos
     return _collect(human, bodies, centres, rotations.reshape(frames, model.nbody, 3, 3), sites)
-
-
-@lru_cache(maxsize=32)
-def _scratch(body: Body, thread: int) -> mujoco.MjData:
-    """MjData of one thread, cached: making it costs as much as a second of motion."""
-    return mujoco.MjData(human_model(body).model)
 
 
 def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float, sites: Float) -> HumanKinematics:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +15,20 @@ Float = NDArray[np.float64]
 
 DYNAMIC = ("torques", "wrenches", "pressure_centres", "activations", "joint_contact", "contacts")
 """Optional fields of a `Motion`: what moves it, and where it touches the ground."""
+
+_KINEMATIC = ("root_position", "root_quaternion", "joints")
+
+_SHAPES: dict[str, tuple[int, ...]] = {
+    "root_position": (3,),
+    "root_quaternion": (4,),
+    "joints": (len(JOINTS),),
+    "torques": (DOF_COUNT,),
+    "wrenches": (2, 6),
+    "pressure_centres": (2, 3),
+    "joint_contact": (len(CONTACT_JOINTS), 3),
+    "contacts": (2,),
+}
+"""Shapes of the fields of a frame."""
 
 
 @dataclass(frozen=True)
@@ -56,25 +69,13 @@ class Motion:
     pressure_centres: Float | None = None
 
     def __post_init__(self) -> None:
-        frames = len(self.root_position)
-        expected = {
-            "root_position": (frames, 3),
-            "root_quaternion": (frames, 4),
-            "joints": (frames, len(JOINTS)),
-        }
-        optional = {
-            "torques": (frames, DOF_COUNT),
-            "wrenches": (frames, 2, 6),
-            "pressure_centres": (frames, 2, 3),
-            "joint_contact": (frames, len(CONTACT_JOINTS), 3),
-            "contacts": (frames, 2),
-        }
-        for name, shape in (expected | optional).items():
+        frames = len(self)
+        for name, shape in _SHAPES.items():
             value = getattr(self, name)
-            if value is None and name in optional:
+            if value is None and name in DYNAMIC:
                 continue
-            if value.shape != shape:
-                raise ValueError(f"Motion.{name} has shape {value.shape}, expected {shape}")
+            if value.shape != (frames, *shape):
+                raise ValueError(f"Motion.{name} has shape {value.shape}, expected {(frames, *shape)}")
             if value.dtype != np.bool_ and not np.isfinite(value).all():
                 raise ValueError(f"Motion.{name} has NaN or infinite values")
         if self.activations is not None and len(self.activations) != frames:
@@ -92,16 +93,17 @@ class Motion:
 
     def __getitem__(self, frames: slice) -> Motion:
         """The frames of a slice (views, not copies)."""
-        return self._map(lambda value: value[frames])
+        # Made without `__init__`: what is finite and of the right shape is so in every slice of frames.
+        found = object.__new__(Motion)
+        found.__dict__.update(self.__dict__)
+        for name in (*_KINEMATIC, *DYNAMIC):
+            value = getattr(self, name)
+            if value is not None:
+                found.__dict__[name] = value[frames]
+        return found
 
     @property
     def kinematics(self) -> Motion:
         """The motion without torques, forces, contacts and activations."""
         absent: dict[str, Any] = dict.fromkeys(DYNAMIC)
         return replace(self, **absent)
-
-    def _map(self, function: Callable[[NDArray], NDArray]) -> Motion:
-        names = ("root_position", "root_quaternion", "joints")
-        present = (name for name in (*names, *DYNAMIC) if getattr(self, name) is not None)
-        changed: dict[str, Any] = {name: function(getattr(self, name)) for name in present}
-        return replace(self, **changed)

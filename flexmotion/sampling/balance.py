@@ -66,6 +66,8 @@ RELAXED = 1.6
 FASTEST = 2.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
 
+_NORMALS = np.ascontiguousarray(OUTWARD.T)
+
 PROJECTIONS = 2
 """Half-planes that a point is brought behind, the farthest first, in one iteration."""
 
@@ -95,10 +97,16 @@ class Needs:
 
     def shifted(self, shift: Float) -> Needs:
         """The needs of the motion shifted by (N, 3) [m]."""
-        more = second_derivative(shift, self.fps)
+        more = acceleration(shift, self.fps)
         force = self.force + more
         moment = self.moment + cross(self.centre + shift, more) + cross(shift, self.force)
         return replace(self, root=self.root + shift, force=force, moment=moment, centre=self.centre + shift)
+
+
+def acceleration(shift: Float, fps: float) -> Float:
+    """Second derivative of a shift, (N, K) [m] -> (N, K) [m/s²]; by a matrix that is made once for every length."""
+    found: Float = _second(len(shift), fps) @ shift
+    return found
 
 
 def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> Float:
@@ -139,27 +147,30 @@ def horizontal_shift(needs: Needs, bounds: Float, settings: Balance = BALANCE) -
         settings: weights.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
-    rows, edge = terms.rows, bounds[terms.rows] - settings.margin
-    borne = (needs.force[rows, 2] > LIGHT * GRAVITY) & (edge[:, 0] > NOWHERE / 2)
-    lift = np.maximum(needs.force[rows, 2], LIGHT * GRAVITY)
-    base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift[:, None]
-    lever = needs.centre[rows, 2] / lift
-    moved = -lever[:, None] * terms.second[rows]
-    # An error of the zero-moment point counts as the acceleration that makes up for it.
-    weighted = moved.T * (settings.ease * borne / lever**2)
-    inverse = np.linalg.inv(terms.place + weighted @ moved)
+    lift = needs.force[terms.rows, 2]
+    borne = (lift > LIGHT * GRAVITY) & (bounds[terms.rows, 0] > NOWHERE / 2)
+    rows, lift = terms.rows[borne], lift[borne, None]
+    edge = bounds[rows] - settings.margin
+    base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift
+    lever = needs.centre[rows, 2:] / lift
+    moved = -lever * terms.second[rows]
     start = np.stack([terms.wanted(needs, axis) for axis in (0, 1)], axis=1)
-    gain = inverse @ weighted
-    first = inverse @ start
-    centred, answer = base + moved @ first, moved @ gain
-    point = base + moved @ (terms.place_free @ start)
-    given, left = _within(point, edge), np.zeros_like(point)
-    for _ in range(settings.rounds):
-        point = centred + answer @ (given - left - base)
-        ahead = RELAXED * point + (1.0 - RELAXED) * given
-        given = _within(ahead + left, edge)
-        left = left + ahead - given
-    return _whole(_slowed(first + gain @ (given - left - base), needs.fps), needs)
+    shift = terms.place_free @ start
+    point = base + moved @ shift
+    given = _within(point, edge)
+    if (given != point).any():
+        # An error of the zero-moment point counts as the acceleration that makes up for it.
+        weighted = moved.T * (settings.ease / lever[:, 0] ** 2)
+        solved = np.linalg.solve(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
+        first, gain = solved[:, :2], solved[:, 2:]
+        answer = moved @ gain
+        centred, left = base + moved @ first - answer @ base, np.zeros_like(point)
+        for _ in range(settings.rounds):
+            ahead = RELAXED * (centred + answer @ (given - left)) + (1.0 - RELAXED) * given + left
+            given = _within(ahead, edge)
+            left = ahead - given
+        shift = first + gain @ (given - left - base)
+    return _whole(_slowed(shift, needs.fps), needs)
 
 
 def _within(point: Float, edge: Float) -> Float:
@@ -168,7 +179,7 @@ def _within(point: Float, edge: Float) -> Float:
     for _ in range(PROJECTIONS):
         beyond = point @ OUTWARD - edge
         worst = beyond.argmax(axis=1)
-        point = point - (np.maximum(beyond[every, worst], 0.0) * OUTWARD[:, worst]).T
+        point = point - np.maximum(beyond[every, worst], 0.0)[:, None] * _NORMALS[worst]
     return point
 
 
@@ -190,18 +201,16 @@ class _Terms:
     Attributes:
         rows: frames with a constraint: all whose accelerations the window changes, but the last.
         second: second derivative of a shift, (N, M).
-        whole: second derivative of a signal, (N, N).
-        tracked: weight of the frames whose acceleration is compared with the model's, (N,).
-        jerk: gradient of the penalty of the jerk of a signal, (M, N).
+        follow: gradient of the penalty of accelerations by those of the model's path, (M, N).
+        stay: gradient of the same penalty, and of that of the jerk, by the root's path, (M, N).
         place: Hessian of the horizontal problem without constraints, (M, M), and its inverse `place_free`.
         height_free, height_inverse: inverse Hessians of the vertical problem without and with constraints, (M, M).
     """
 
     rows: NDArray[np.intp]
     second: Float
-    whole: Float
-    tracked: Float
-    jerk: Float
+    follow: Float
+    stay: Float
     place: Float
     place_free: Float
     height_free: Float
@@ -209,32 +218,38 @@ class _Terms:
 
     def wanted(self, needs: Needs, axis: int) -> Float:
         """Negative gradient of the objective at no shift, (M,)."""
-        root = needs.root[:, axis]
-        found: Float = self.second.T @ (self.tracked * (needs.planned[:, axis] - self.whole @ root)) - self.jerk @ root
+        found: Float = self.follow @ needs.planned[:, axis] - self.stay @ needs.root[:, axis]
         return found
+
+
+@lru_cache(maxsize=32)
+def _second(frames: int, fps: float) -> Float:
+    """Matrix of the second derivative, (N, N)."""
+    return second_derivative(np.eye(frames), fps)
 
 
 @lru_cache(maxsize=8)
 def _terms(frames: int, known: int, fps: float, settings: Balance) -> _Terms:
     unknown = frames - known
-    whole = second_derivative(np.eye(frames), fps)
-    second = whole[:, known:]
+    whole = _second(frames, fps)
+    second = np.ascontiguousarray(whole[:, known:])
     tracked = np.zeros(frames)
     tracked[known + 1 : -1] = settings.network
     order = len(DIFFERENCES) - 1
     third = sum(weight * np.eye(frames - order, frames, place) for place, weight in enumerate(DIFFERENCES)) * fps**order
     jerk = third[:, known:].T @ third / (2.0 * np.pi * CUTOFF) ** 2
     first = (np.eye(unknown) - np.eye(unknown, k=-1)) * fps
-    shared = second.T @ (tracked[:, None] * second) + jerk[:, known:]
+    follow = second.T * tracked
+    stay = follow @ whole + jerk
+    shared = stay[:, known:]
     place = shared + (2.0 * np.pi * settings.slip) ** 2 * first.T @ first
     height = shared + (2.0 * np.pi * settings.floor) ** 4 * np.eye(unknown)
     rows = np.arange(max(known - HALF, 0), frames - 1)
     return _Terms(
         rows=rows,
         second=second,
-        whole=whole,
-        tracked=tracked,
-        jerk=jerk,
+        follow=follow,
+        stay=stay,
         place=place,
         place_free=np.linalg.inv(place),
         height_free=np.linalg.inv(height),

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.differentiation import EDGE, second_derivative
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import CONTACT_SHARE
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.joint_contact import BEYOND
@@ -33,7 +33,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
-from flexmotion.sampling.balance import Needs, horizontal_shift, vertical_shift
+from flexmotion.sampling.balance import Needs, acceleration, horizontal_shift, vertical_shift
 from flexmotion.sampling.ground_share import GroundShare, ground_share
 from flexmotion.sampling.low_pass import continued
 from flexmotion.sampling.soles import Soles
@@ -170,7 +170,7 @@ def _moved(segments: SegmentMotion, shift: Float, fps: float) -> SegmentMotion:
         position=segments.position + away,
         com=segments.com + away,
         anchor=segments.anchor + away,
-        acceleration=segments.acceleration + second_derivative(shift, fps)[:, None],
+        acceleration=segments.acceleration + acceleration(shift, fps)[:, None],
     )
 
 

@@ -86,28 +86,36 @@ def _vertical(
     wanted: Float, soles: Soles, usable: Flags, share: Float, centres: Float, both: Flags
 ) -> tuple[Float, Float]:
     """Shares of the feet, (T, 2), and their centres of pressure, (T, 2, 2) [m]; `both`: frames with two feet."""
-    away = soles.axes.swapaxes(-1, -2)
-    # Damped: a foot that points straight down has no extent on the floor.
-    back = np.linalg.inv(away @ soles.axes + DAMPED * np.eye(2)) @ away
     # A foot in the air keeps its lowest point, so that its bounds exist.
-    kept = (usable | (soles.height <= soles.height.min(axis=-1, keepdims=True)))[..., None]
-    low = np.where(kept, soles.lattice, np.inf).min(axis=2)
-    high = np.where(kept, soles.lattice, -np.inf).max(axis=2)
-    local = np.clip(_times(back, centres - soles.origin), low, high)
-    split = _Split(wanted, soles.origin, soles.axes, back, low, high, both)
+    kept = usable | (soles.height <= soles.height.min(axis=-1, keepdims=True))
+    bounds = [
+        found
+        for along in soles.lattice.T
+        for found in (np.where(kept, along, np.inf).min(axis=2), np.where(kept, along, -np.inf).max(axis=2))
+    ]
+    split = _Split.of(wanted, soles, np.array(bounds).reshape(2, 2, *share.shape), both)
+    share, local = share.T, split.local(centres)
     # One foot alone is done in one step.
-    share, local = split.alternated(share, local, 1)
-    place = soles.origin + _times(soles.axes, local)
-    late = np.flatnonzero(both & (np.abs(wanted - (share[..., None] * place).sum(axis=1)).max(axis=1) > MET))
+    share, local, place = split.alternated(share, local, 1)
+    missing = np.abs(split.wanted - share[0] * place[0] - share[1] * place[1])
+    late = np.flatnonzero(both & (missing.max(axis=0) > MET))
     if len(late):
-        share[late], local[late] = split[late].alternated(share[late], local[late], ROUNDS)
-        place = soles.origin + _times(soles.axes, local)
-    return share, place
+        share[:, late], _, place[..., late] = split[late].alternated(share[:, late], local[..., late], ROUNDS)
+    return share.T, place.transpose(2, 0, 1)
 
 
 @dataclass(frozen=True)
 class _Split:
-    """What the vertical force of two feet is to give, and where they can: see `_vertical`."""
+    """What the vertical force of two feet is to give, and where they can, for N frames, which are the last axis.
+
+    Attributes:
+        wanted: zero-moment point, (2, N) [m].
+        origin: of the soles, (2 feet, 2, N) [m].
+        axes: of the soles, by coordinate: (2 coordinates, 2 feet, 2, N).
+        back: rows of the damped inverse of `axes`, by direction in the world: (2 directions, 2 feet, 2, N).
+        low, high: bounds of the coordinates, (2 feet, 2, N) [m].
+        both: frames with two feet, (N,).
+    """
 
     wanted: Float
     origin: Float
@@ -117,30 +125,80 @@ class _Split:
     high: Float
     both: Flags
 
+    @classmethod
+    def of(cls, wanted: Float, soles: Soles, bounds: Float, both: Flags) -> _Split:
+        """From arrays with frames first; `bounds`: by coordinate, low and high, (2, 2, N, 2 feet)."""
+        axes = np.ascontiguousarray(soles.axes.transpose(3, 1, 2, 0))
+        # Damped: a foot that points straight down has no extent on the floor.
+        x, y = axes
+        a, b, d = ((one * other).sum(axis=1) for one, other in ((x, x), (x, y), (y, y)))
+        a, d = a + DAMPED, d + DAMPED
+        inverse = np.array([[d, -b], [-b, a]]) / (a * d - b * b)
+        low, high = bounds.transpose(1, 3, 0, 2)
+        return cls(
+            wanted=np.ascontiguousarray(wanted.T),
+            origin=np.ascontiguousarray(soles.origin.transpose(1, 2, 0)),
+            axes=axes,
+            back=(inverse[:, 0, :, None] * x + inverse[:, 1, :, None] * y).transpose(2, 1, 0, 3),
+            low=low,
+            high=high,
+            both=both,
+        )
+
     def __getitem__(self, frames: NDArray[np.intp]) -> _Split:
         """Some frames of it."""
-        return _Split(**{item.name: getattr(self, item.name)[frames] for item in fields(self)})
+        return _Split(**{item.name: getattr(self, item.name).take(frames, axis=-1) for item in fields(self)})
 
-    def alternated(self, share: Float, local: Float, rounds: int) -> tuple[Float, Float]:
-        """Centres of pressure, then shares, moved towards the zero-moment point, in turn."""
-        place = self.origin + _times(self.axes, local)
+    def local(self, centres: Float) -> Float:
+        """Coordinates on the soles, within their bounds, of centres of pressure (N, 2, 2): (2 feet, 2, N) [m]."""
+        away = centres.transpose(1, 2, 0) - self.origin
+        along = self.back[0] * away[:, :1] + self.back[1] * away[:, 1:]
+        return np.minimum(np.maximum(along, self.low), self.high)
+
+    def alternated(self, share: Float, local: Float, rounds: int) -> tuple[Float, Float, Float]:
+        """Centres of pressure, then shares, moved towards the zero-moment point, in turn.
+
+        Args:
+            share: of the feet, (2, N).
+            local: coordinates of the centres, (2 feet, 2, N) [m].
+            rounds: one or more.
+
+        Returns:
+            Both, and the centres, (2 feet, 2, N) [m].
+        """
+        (back_x, back_y), (along_x, along_y) = self.back, self.axes
+        share, local = share.copy(), local.copy()
+        (left, right), (local_x, local_y) = share, (local[:, :1], local[:, 1:])
+        place = self.origin + along_x * local_x + along_y * local_y
+        missing = self.wanted - left * place[0] - right * place[1]
+        # Few frames: the time is that of the calls, not of the arithmetic. Arrays are reused, views made once.
+        step, moved, square, change = (np.empty_like(one) for one in (share, local, self.wanted, left))
+        first, second = place
         for _ in range(rounds):
-            missing = self.wanted - (share[..., None] * place).sum(axis=1)
-            step = (share / np.maximum((share**2).sum(axis=1, keepdims=True), SLIGHT))[..., None] * missing[:, None]
-            local = np.minimum(np.maximum(local + _times(self.back, step), self.low), self.high)
-            place = self.origin + _times(self.axes, local)
-            missing = self.wanted - (share[..., None] * place).sum(axis=1)
-            apart = place[:, 0] - place[:, 1]
-            change = (missing * apart).sum(axis=1) / np.maximum((apart**2).sum(axis=1), SLIGHT)
-            left = np.minimum(np.maximum(share[:, 0] + np.where(self.both, change, 0.0), 0.0), 1.0)
-            share = np.where(self.both[:, None], np.stack([left, 1.0 - left], axis=1), share)
-        return share, local
-
-
-def _times(matrix: Float, vector: Float) -> Float:
-    """Products of (..., 2, 2) and (..., 2)."""
-    found: Float = (matrix @ vector[..., None])[..., 0]
-    return found
+            np.divide(share, np.maximum(left * left + right * right, SLIGHT), out=step)
+            np.multiply(back_x, missing[0], out=moved)
+            moved += back_y * missing[1]
+            moved *= step[:, None]
+            local += moved
+            np.maximum(local, self.low, out=local)
+            np.minimum(local, self.high, out=local)
+            np.multiply(along_x, local_x, out=place)
+            np.multiply(along_y, local_y, out=moved)
+            place += moved
+            place += self.origin
+            apart = first - second
+            np.subtract(self.wanted, second, out=missing)
+            missing -= left * apart
+            np.multiply(apart, apart, out=square)
+            gained = missing * apart
+            np.divide(gained[0] + gained[1], np.maximum(square[0] + square[1], SLIGHT), out=change)
+            change += left
+            np.maximum(change, 0.0, out=change)
+            missing += left * apart
+            np.minimum(change, 1.0, out=left, where=self.both)
+            np.subtract(1.0, left, out=right, where=self.both)
+            missing -= left * apart
+        return share, local, place
 
 
 def _horizontal(

@@ -9,6 +9,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
@@ -77,13 +78,18 @@ class Sampler:
         bundle: trained and exported.
         steps: of the diffusion; None for the bundle's default.
         unjudged: whether to offer what the bundle knows and was not judged to do, as its judges need.
+        balanced: whether windows are low-passed and balanced, with forces that belong to their motion (`delivery.py`);
+            else they are as planted, with the forces of the decoder, as earlier versions sampled them.
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.
     """
 
-    def __init__(self, bundle: Bundle, steps: int | None = None, *, unjudged: bool = False) -> None:
+    def __init__(
+        self, bundle: Bundle, steps: int | None = None, *, unjudged: bool = False, balanced: bool = True
+    ) -> None:
         manifest = bundle.manifest
+        self.balanced = balanced
         self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
         self.history, self.future = manifest.history, manifest.future
         self.steps = manifest.steps if steps is None else steps
@@ -140,7 +146,7 @@ class Sampler:
     @property
     def remembers(self) -> int:
         """Frames of history that a sample depends on."""
-        return max(self.history + LEAD, KNOWN)
+        return max(self.history + LEAD, KNOWN if self.balanced else 0)
 
     @property
     def follows_velocity(self) -> bool:
@@ -182,8 +188,10 @@ class Sampler:
         """
         remembered = self._remember(history)
         found = self._decoded(remembered, condition, seed)
-        features = steadied(inertialised(found, remembered, self.layout), remembered, self.layout)
-        motion = self.planted(features, history, condition)
+        features = inertialised(found, remembered, self.layout)
+        if not self.balanced:
+            return Delivered(history[max(0, len(history) - EDGE) :], self.planted(features, history, condition))
+        motion = self.planted(steadied(features, remembered, self.layout), history, condition)
         return delivered(motion, history, self._accelerations(found, Anchor.after(history)))
 
     def planted(self, features: Float32, history: Motion, condition: Condition) -> Motion:

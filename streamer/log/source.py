@@ -91,6 +91,7 @@ def _pack_model(source: ModelSource) -> Parts:
         "seconds": source.seconds,
         "pace": None if source.pace is None else asdict(source.pace),
         "straight": source.straight,
+        "balanced": source.sampler.balanced,
     }
 
 
@@ -115,11 +116,12 @@ def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
 
 
 def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
-    bundle = _unpack_bundle(parts, origin)
+    # Earlier versions sampled windows as planted, with the forces of the decoder.
+    sampler = Sampler(_unpack_bundle(parts, origin), balanced=parts.get("balanced", False))
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     straight = parts.get("straight", False)  # older runs kept no course
-    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace, straight=straight)
+    return ModelSource(sampler, items, parts["name"], parts["seed"], parts["seconds"], pace, straight=straight)
 
 
 def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
