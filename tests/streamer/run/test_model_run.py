@@ -278,7 +278,8 @@ def test_words_without_meaning_are_reported_before_the_robot_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model (it hears English), it stands still; it can: " in err
+    said = "note: 'xyzzy plugh qwrtzp' is not understood by this model (it hears English), it stands still; it can: "
+    assert said in err
 
 
 def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
