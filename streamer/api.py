@@ -76,13 +76,15 @@ def open_bundle(folder: str | Path | None = None) -> Bundle:
     return Bundle(found)
 
 
-def open_sampler(folder: str | Path | None = None, steps: int | None = None) -> Sampler:
+def open_sampler(folder: str | Path | None = None, steps: int | None = None, *, balanced: bool = False) -> Sampler:
     """The model of a bundle, ready to sample human motion; see `open_bundle`.
 
     Args:
         steps: of the diffusion; None: the bundle's default.
+        balanced: with forces that belong to the motion, whose path is shifted for them. Robots follow motion without
+            it: with it they fell more often when targets change within a second.
     """
-    return Sampler(open_bundle(folder), steps)
+    return Sampler(open_bundle(folder), steps, balanced=balanced)
 
 
 def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:

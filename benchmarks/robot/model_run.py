@@ -54,7 +54,7 @@ class AlteredForces:
 @lru_cache
 def sampler_of(bundle: Path | None) -> Sampler:
     """The model of a bundle, or the shipped one; opened once a process."""
-    return open_sampler(bundle)
+    return open_sampler(bundle, balanced=False)
 
 
 def follow(

@@ -22,12 +22,15 @@ def open_bundle(folder: Path | None) -> Bundle:
     return Bundle(found)
 
 
-def open_sampler(folder: Path | None, steps: int | None = None, *, unjudged: bool = False) -> Sampler:
+def open_sampler(
+    folder: Path | None, steps: int | None = None, *, unjudged: bool = False, balanced: bool = True
+) -> Sampler:
     """A sampler of the bundle of a folder, or of the shipped one; `steps` of the diffusion, by default the bundle's.
 
-    `unjudged`: with the kinds that the bundle was not judged to do, for their judges.
+    `unjudged`: with the kinds that the bundle was not judged to do, for their judges. `balanced`: as in
+    `flexmotion.open_sampler`; False for what a robot follows.
 
     Raises:
         ConfigError: as `open_bundle`.
     """
-    return Sampler(open_bundle(folder), steps, unjudged=unjudged)
+    return Sampler(open_bundle(folder), steps, unjudged=unjudged, balanced=balanced)
