@@ -30,6 +30,7 @@ from flexmotion.streamer.commands.evaluate import evaluate
 from flexmotion.streamer.commands.exit_codes import BAD_USAGE, INTERRUPTED, OK
 from flexmotion.streamer.commands.export import export
 from flexmotion.streamer.commands.log import log
+from flexmotion.streamer.commands.options import MIRROR_ADDRESS
 from flexmotion.streamer.commands.personalize import personalize
 from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
@@ -120,7 +121,7 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     return code if isinstance(code, int) else OK
 
 
-_VALUE_OPTIONAL = {("dry-run", "--mirror"): "127.0.0.1:39539", ("run", "--mirror"): "127.0.0.1:39539"}
+_VALUE_OPTIONAL = {(command, "--mirror"): MIRROR_ADDRESS for command in ("dry-run", "run")}
 """Options of commands whose value may be left out, which Typer does not know, and that value."""
 
 

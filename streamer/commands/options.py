@@ -65,13 +65,15 @@ ScriptOption = Annotated[
 PromptOption = Annotated[
     str | None, typer.Option("--prompt", help='What to do, in words: "wave with the right hand".', show_default=False)
 ]
+MIRROR_ADDRESS = "127.0.0.1:39539"
+"""Where frames of a person are received if no address is given: the port of the Virtual Motion Capture protocol."""
 MirrorOption = Annotated[
     str | None,
     typer.Option(
         "--mirror",
         metavar="[ADDRESS]",
         help="Mirror a person whose frames come over UDP (VMC, MediaPipe, JSON: docs/live.md); address and port to "
-        "receive them on, else 127.0.0.1:39539.",
+        f"receive them on, else {MIRROR_ADDRESS}.",
         show_default=False,
     ),
 ]

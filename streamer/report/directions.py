@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics
+from flexmotion.human.vectors import unit
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.rotations import matrices
@@ -46,7 +47,7 @@ class Directions:
 
         def between(vectors: Float) -> Float:
             ratio = share.reshape(len(share), *[1] * (vectors.ndim - 1))
-            return _unit((1.0 - ratio) * vectors[low] + ratio * vectors[high])
+            return unit((1.0 - ratio) * vectors[low] + ratio * vectors[high])
 
         return Directions(between(self.upper_arm), between(self.forearm), between(self.trunk))
 
@@ -60,7 +61,7 @@ def human_directions(kinematics: HumanKinematics) -> Directions:
     torso = kinematics.torso_rotation[:, None].swapaxes(-1, -2)
     upper = (torso @ (kinematics.elbow - kinematics.shoulder)[..., None])[..., 0]
     fore = (torso @ (kinematics.hand - kinematics.elbow)[..., None])[..., 0]
-    return Directions(_unit(upper), _unit(fore), _upward(kinematics.torso_rotation))
+    return Directions(unit(upper), unit(fore), _upward(kinematics.torso_rotation))
 
 
 def robot_directions(chain: ArmChain, q: Float, trunk: Float) -> Directions:
@@ -101,10 +102,6 @@ def angle(one: Float, other: Float) -> Float:
 def pitch(trunk: Float) -> Float:
     """Forward lean of a trunk's direction, (T,) [rad]."""
     return np.arctan2(trunk[:, 0], trunk[:, 2])
-
-
-def _unit(vectors: Float) -> Float:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
 
 
 def _upward(torso: Float) -> Float:

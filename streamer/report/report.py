@@ -245,8 +245,15 @@ def build_report(
     """
     states = record.state[: record.used]
     duration = record.duration_s
-    eased = tuple(event.message for event in record.events if event.kind == "note" and EASED in event.message)
-    refused = any(REFUSED in message for message in eased)
+    planner = PlannerSection(
+        plans=record.plans_played,
+        sample_ms=Latency.of_run(record, "sample_s", 1e-3),
+        retarget_ms=Latency.of_run(record, "retarget_s", 1e-3),
+        target_to_command_ms=Latency.of_run(record, "target_to_command_s", 1e-3),
+        target_to_effect_ms=Latency.of_run(record, "target_to_effect_s", 1e-3),
+        underruns=record.underruns,
+        eased=tuple(event.message for event in record.events if event.kind == "note" and EASED in event.message),
+    )
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
@@ -266,7 +273,9 @@ def build_report(
             and record.underruns <= info.underruns_allowed
             and (record.totals.streamed or bool((states == State.STREAMING).any()))
             and states[-1] in (State.HOLD, State.OFF)
-            and (info.allow_refused or not (refused or any(heard.failure is not None for heard in info.targets)))
+            and (
+                info.allow_refused or not (planner.refusals or any(heard.failure is not None for heard in info.targets))
+            )
             and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
@@ -289,15 +298,7 @@ def build_report(
             elapsed_s=info.elapsed_s,
             realtime_factor=duration / info.elapsed_s if info.elapsed_s else None,
         ),
-        planner=PlannerSection(
-            plans=record.plans_played,
-            sample_ms=Latency.of_run(record, "sample_s", 1e-3),
-            retarget_ms=Latency.of_run(record, "retarget_s", 1e-3),
-            target_to_command_ms=Latency.of_run(record, "target_to_command_s", 1e-3),
-            target_to_effect_ms=Latency.of_run(record, "target_to_effect_s", 1e-3),
-            underruns=record.underruns,
-            eased=eased,
-        ),
+        planner=planner,
         motion=MotionSection(
             **motion,
             period_begin_s=record.period_s[0],

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.commands.options import MIRROR_ADDRESS
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.mirror.sender_clock import SenderClock
 from flexmotion.streamer.mirror.senders import HELD_S, MOST_A_SECOND, SHOWN_S, Senders
@@ -90,6 +91,7 @@ def test_a_frame_without_a_time_is_of_its_arrival():
         (":5000", "127.0.0.1", 5000),
         ("localhost", "127.0.0.1", PORT),
         ("10.0.0.7", "10.0.0.7", PORT),
+        (MIRROR_ADDRESS, "127.0.0.1", PORT),
         ("[::1]:5000", "::1", 5000),
     ],
 )
