@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.human.vectors import cross
 from flexmotion.retarget.legs import Leg
 from flexmotion.spatial.rotations import matrices
 
@@ -92,17 +93,17 @@ class RobotDynamics:
         # Root rows: force in the world, moment in the torso frame about its origin.
         total = force[:, :3]
         moment = np.einsum("tij,tj->ti", matrices(base[:, 3:]), force[:, 3:6])
-        moment = moment + np.cross(base[:, :3], total)
+        moment = moment + cross(base[:, :3], total)
         zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
         weights = np.column_stack([1.0 - share, share])
         centres = feet[:, :, :3]
-        left_over = moment - sum(np.cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1))
+        left_over = moment - sum(cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1))
         for side in (0, 1):
             push = weights[:, side : side + 1] * total
             turn = weights[:, side : side + 1] * left_over
             turn = self._inside_sole(turn, push[:, 2], feet[:, side, 3], self.half_sizes[side])
             arm = centres[:, side, None] - anchors[:, side]
-            at_joint = turn[:, None] + np.cross(arm, np.broadcast_to(push[:, None], arm.shape))
+            at_joint = turn[:, None] + cross(arm, np.broadcast_to(push[:, None], arm.shape))
             torque[:, self.leg_columns[side]] -= np.einsum("tji,tji->tj", axes[:, side], at_joint)
         return torque, zmp
 

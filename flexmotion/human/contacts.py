@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,44 +86,53 @@ class ContactDetector:
         Returns:
             Flags of left and right foot, (T, 2), and states, (T, 25).
         """
-        state = self.initial() if state is None else state.copy()
+        state = self.initial() if state is None else state
         points = np.stack([human.heel, human.toe], axis=2).reshape(len(human), POINTS, 3)
-        flags = np.empty((len(human), 2), np.bool_)
+        before = np.concatenate([state[POSITION].reshape(1, POINTS, 3), points])
+        dt = 1.0 / fps
+        speeds = np.linalg.norm(np.diff(before, axis=0), axis=-1) / dt
+        if len(speeds) and state[STARTED] < 0.5:
+            # There is no speed yet.
+            speeds[0] = 0.0
         states = np.empty((len(human), STATE_SIZE))
-        for frame, point in enumerate(points):
-            self._step(state, point, None if force is None else force[frame], 1.0 / fps)
-            flags[frame] = state[FEET] > 0.5
-            states[frame] = state
-        return flags, states
+        states[:, POSITION], states[:, STARTED] = points.reshape(-1, 12), 1.0
+        self._track(states, state, points[:, :, 2], speeds, force, dt)
+        return states[:, FEET] > 0.5, states
 
-    def _step(self, state: Float, point: Float, force: Float | None, dt: float) -> None:
-        """Advance the state by one frame, in place."""
-        started = state[STARTED] > 0.5
-        speed = (
-            np.linalg.norm(point - state[POSITION].reshape(POINTS, 3), axis=-1) / dt if started else np.zeros(POINTS)
-        )
-        height = point[:, 2] - state[FLOOR]
-        was = state[TOUCHING] > 0.5
-        touching = np.where(was, (height < self.high) & (speed < self.fast), (height < self.low) & (speed < self.slow))
-        state[TOUCHING] = touching
-        resting = touching & (speed < self.still)
-        state[FLOOR] += resting * height * min(dt / self.floor_time, 1.0)
-        state[POSITION] = point.ravel()
-        state[STARTED] = 1.0
+    def _track(
+        self, states: Float, state: Float, heights: Float, speeds: Float, force: Float | None, dt: float
+    ) -> None:
+        """Fill in floors, touching points and loaded feet of all frames.
 
-        loaded = state[FEET] > 0.5
-        if force is None or not self.least <= force.sum() <= self.most:
-            wanted = touching.reshape(2, 2).any(axis=1)
-        else:
-            swings = speed.reshape(2, 2).min(axis=1) >= self.fast
-            wanted = (force > np.where(loaded, self.relieved, self.bears)) & ~swings
-        if not started:
-            # Without a speed this is a guess: the next frame may overrule it at once.
-            state[FEET] = wanted
-            state[PENDING] = np.inf
-            return
-        pending = np.where(wanted == loaded, 0.0, state[PENDING] + dt)
-        patience = np.where(loaded, self.lift_time, self.load_time)
-        changed = pending > patience
-        state[FEET] = np.where(changed, wanted, loaded)
-        state[PENDING] = np.where(changed, 0.0, pending)
+        On single numbers: each frame depends on the one before, and arrays of two and four take ten times as long.
+        """
+        floor, touching = state[FLOOR].tolist(), (state[TOUCHING] > 0.5).tolist()
+        loaded, pending = (state[FEET] > 0.5).tolist(), state[PENDING].tolist()
+        guess = state[STARTED] < 0.5
+        share = min(dt / self.floor_time, 1.0)
+        forces = repeat(None) if force is None else force.tolist()
+        frames = zip(heights.tolist(), speeds.tolist(), forces, strict=False)
+        for frame, (height, speed, pushes) in enumerate(frames):
+            for point in range(POINTS):
+                above, fast = height[point] - floor[point], speed[point]
+                low, slow = (self.high, self.fast) if touching[point] else (self.low, self.slow)
+                touching[point] = above < low and fast < slow
+                if touching[point] and fast < self.still:
+                    floor[point] += above * share
+            for foot in (0, 1):
+                heel, toe = 2 * foot, 2 * foot + 1
+                if pushes is None or not self.least <= pushes[0] + pushes[1] <= self.most:
+                    wanted = touching[heel] or touching[toe]
+                else:
+                    swings = min(speed[heel], speed[toe]) >= self.fast
+                    wanted = pushes[foot] > (self.relieved if loaded[foot] else self.bears) and not swings
+                if guess:
+                    # Without a speed this is a guess: the next frame may overrule it at once.
+                    loaded[foot], pending[foot] = wanted, math.inf
+                    continue
+                pending[foot] = 0.0 if wanted == loaded[foot] else pending[foot] + dt
+                if pending[foot] > (self.lift_time if loaded[foot] else self.load_time):
+                    loaded[foot], pending[foot] = wanted, 0.0
+            guess = False
+            states[frame, FLOOR], states[frame, TOUCHING] = floor, touching
+            states[frame, FEET], states[frame, PENDING] = loaded, pending
