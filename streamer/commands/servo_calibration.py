@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING, Annotated
 
@@ -167,11 +168,14 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
                     default="",
                     show_default=False,
                     err=True,
-                )
+                ).strip()
                 if answer == "q":
                     return None
                 if answer == "s":
                     break
+                if answer:
+                    print_note(f"{answer!r}: expected Enter, s or q; nothing was taken")
+                    continue
                 angle = angle_at_rest(bench, index)
                 if angle is None:
                     print_note(f"{name}: moves: hold it still")
@@ -183,8 +187,9 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
                 except ConfigError as error:
                     print_note(f"{error}: not taken")
                     continue
+                moved = math.degrees(zero - zeros[name])
+                print_note(f"{name}: zero at {zero:+.4f} rad of the servo, {moved:+.1f}° from the zero before")
                 zeros[name] = zero
-                print_note(f"{name}: zero at {zero:+.4f} rad of the servo")
                 break
     joints = {
         joint.name: CalibratedJoint(zero=round(zeros[joint.name], 6), servo=joint.servo, id=joint.id)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -16,6 +16,7 @@ import yaml
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.bench import Bench
 from flexmotion.drivers.dynamixel.packet import Error
+from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
@@ -259,10 +260,98 @@ def test_a_servo_that_refuses_in_the_middle_is_named_with_the_way_back(
     common = [*PORT, "--robot", str(folder), "--yes"]
     assert execute(["servo", "configure", *common, "--backup", str(old)]) == 3
     err = capsys.readouterr().err
-    assert f"id {stubborn.id}: write to 48 refused: range error" in err and f"servo restore {old}" in err
+    joint = next(joint for joint in it.robot.joints if joint.id == stubborn.id)
+    limit = yaml.safe_load(old.read_text(encoding="utf-8"))["joints"][joint.name]["settings"]["max_position_limit"]
+    assert f"servo of {joint.name} (id {stubborn.id}) on main: max_position_limit " in err and limit == 4095
+    assert "is not written" in err and "refused: range error" in err and f"servo restore {old}" in err
     assert it.memories() != before
     assert execute(["servo", "restore", str(old), *common]) == 0
     assert it.memories() == before
+
+
+def test_an_interrupt_in_the_middle_names_the_way_back(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: after Ctrl-C among the writes nothing was said: one servo was written, the others were not."""
+    it = wired(factory=True)
+    before, write, writes = it.memories(), DynamixelTools.write_settings, []
+
+    def interrupted(tools: DynamixelTools, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        writes.append(joint)
+        if len(writes) == 2:
+            raise KeyboardInterrupt
+        write(tools, robot, joint, settings)
+
+    monkeypatch.setattr(DynamixelTools, "write_settings", interrupted)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 130
+    assert f"a part may be written; `flexmotion servo restore {old}`" in capsys.readouterr().err
+    assert it.memories() != before
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert it.memories() == before
+
+
+def test_an_interrupt_while_old_values_are_stored_leaves_no_part_of_a_file(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: a file of 20 lines of 283 stayed behind, which `servo restore` could not read."""
+    it = wired(factory=True)
+    before, old = it.memories(), tmp_path / "old.yaml"
+
+    def interrupt(_descriptor: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flexmotion.drivers.bus.settings_file.os.fsync", interrupt)
+    configure = ["servo", "configure", *PORT, "--robot", str(folder), "--yes", "--backup", str(old)]
+    assert execute(configure) == 130
+    assert not old.exists() and it.memories() == before
+
+
+def test_the_audit_of_a_watch_says_which_angles_may_be_wrong(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: 20 servos that lacked only their position limits were said to show another angle."""
+    it = wired(factory=True)
+    next(servo for servo in it.bus.servos if servo.id == KNEE).put("homing_offset", 100)
+    assert execute(["servo", "watch", *PORT, "--robot", str(folder), "--seconds", "0.1"]) == 0
+    out, err = capsys.readouterr()
+    wrong = [line for line in err.splitlines() if "the angle shown may be wrong" in line]
+    assert len(wrong) == 1 and "l_knee" in wrong[0] and err.count("is not configured") == it.robot.n
+    # Regression: on a terminal of 80 columns the table had l_hip_pit… and l_sho_pit….
+    assert all(name in out for name in it.robot.joint_names) and "…" not in out
+
+
+@pytest.mark.parametrize("amplitude", ["-3", "0", "nan"])
+def test_an_amplitude_that_is_none_is_bad_usage(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str], amplitude: str
+) -> None:
+    """Regression: it was looked at after the whole bus had been read, and counted as a failure of the hardware."""
+    it = wired()
+    command = ["servo", "identify", *PORT, "--robot", str(folder), "--joint", "l_el", "--dry-run"]
+    assert execute([*command, "--amplitude", amplitude]) == 2
+    assert "--amplitude" in capsys.readouterr().err and not it.tap.sent
+
+
+def test_only_enter_takes_a_zero(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: every other word, such as "no" or "quit", took the angle as Enter does."""
+    it = wired()
+    ankle = it.robot.index("l_ank_pitch")
+    it.world.emulator.body.position[ankle] = 0.1
+    answers = ["no", "quit", " ", "q"]
+    monkeypatch.setattr("typer.prompt", lambda *_, **__: answers.pop(0))
+    names = ["--joint", "l_ank_pitch", "--joint", "head_pan"]
+    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), *names]) == 0
+    err = capsys.readouterr().err
+    assert not answers and "'no': expected Enter, s or q" in err and "'quit': expected Enter, s or q" in err
+    assert err.count("zero at") == 1 and "+5.7° from the zero before" in err
+    assert not (folder / "calibration.yaml").exists()
 
 
 def test_a_feetech_servo_is_configured_and_restored(
