@@ -42,9 +42,10 @@ def calibrate(
     """Calibrate every joint's zero: you hold the joint there, the program reads the servo.
 
     Hang the robot up. The program switches torque off where it is on, and asks for one joint after another: bring it to
-    the angle 0 of the robot's model, which `flexmotion robots` shows. Enter takes the angle, s leaves the joint as it
-    was, q ends without storing. A zero with which the servo could not reach the joint's limits is not taken. The result
-    is stored beside the robot file, with the date and the servos; nothing else is written to the servos.
+    the angle 0 of the robot's model, which `flexmotion robots` shows. Enter takes the angle and shows
+    its distance from the zero before, s leaves the joint as it was, q ends without storing. A zero with which the servo
+    could not reach the joint's limits is not taken. The result is stored beside the robot file, with the date and the
+    servos; nothing else is written to the servos.
 
     [bold]Examples[/bold]
 
