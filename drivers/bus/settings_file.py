@@ -36,14 +36,23 @@ def default_file(robot: str) -> Path:
 
 
 def write_settings(file: Path, robot: str, inspections: Sequence[Inspection]) -> None:
-    """Write what servos hold to a new file. Raises `ConfigError` if the file exists or cannot be written."""
+    """Write what servos hold to a new file: all of it, or no file.
+
+    Raises:
+        ConfigError: the file exists or cannot be written.
+    """
     joints = {each.joint: ServoSettings(id=each.id, servo=each.servo, settings=each.held) for each in inspections}
     content = SettingsFile(robot=robot, date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints)
+    text = yaml.safe_dump(content.model_dump(), sort_keys=False)
     try:
         with file.open("x", encoding="utf-8") as stream:
-            yaml.safe_dump(content.model_dump(), stream, sort_keys=False)
-            stream.flush()
-            os.fsync(stream.fileno())
+            try:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            except BaseException:  # also Ctrl-C: a part of a file would be taken for the old values
+                file.unlink(missing_ok=True)
+                raise
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written: {error.strerror}; nothing was changed") from error
 

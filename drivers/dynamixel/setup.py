@@ -244,16 +244,19 @@ def restart(client: Client, robot: Robot, joint: int, layout: Layout) -> Iterato
 def write_kept(client: Client, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
     """Write settings in EEPROM, in the order of `kept_settings`, and read them back.
 
-    Raises `DriverError` if one is refused or not kept.
+    Raises `DriverError`, with joint, setting and value, if one is refused or not kept.
     """
     config, table = robot.joints[joint], table_of(robot.servos[joint].name)
+    where = f"servo of {config.name} (id {config.id}) on {client.line.path}"
     for name in kept_settings(robot, joint):
         if name not in settings:
             continue
-        client.write(config.id, table[name], settings[name])
+        try:
+            client.write(config.id, table[name], settings[name])
+        except DriverError as error:
+            raise DriverError(f"{where}: {name} {settings[name]} is not written: {error}") from error
         held = client.read(config.id, table[name])
         if held != settings[name]:
-            where = f"servo of {config.name} (id {config.id}) on {client.line.path}"
             raise DriverError(f"{where}: {name} is {held} after {settings[name]} was written")
 
 

@@ -47,7 +47,7 @@ def emulate(
         float, typer.Option("--false-readings", min=0, max=1, help="Share of readings that are false at random.")
     ] = 0.0,
     factory: Annotated[
-        bool, typer.Option("--factory", help="Servos with factory settings, as before `flexmotion servo configure`.")
+        bool, typer.Option("--factory", help="Servos with factory settings, except id, bit rate and return delay.")
     ] = False,
     perturb: Annotated[
         list[str] | None,

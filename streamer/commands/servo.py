@@ -31,6 +31,9 @@ IdArgument = Annotated[int, typer.Argument(min=0, max=252, help="Id of the servo
 _SHOWN_EVERY_S, _PAUSE_S = 0.1, 0.01
 """Period of the picture, and pause between two reads of all servos [s]."""
 
+_LIMITS = {"min_position_limit", "max_position_limit"}
+"""Settings of a servo that never change which angle it reports."""
+
 servo = typer.Typer(no_args_is_help=True)
 
 
@@ -146,7 +149,8 @@ def watch(
         for each in bench.inspect():
             if each.changes:
                 names = ", ".join(f"{name} {each.held[name]} (wanted {value})" for name, value in each.changes.items())
-                print_note(f"{each.where}: is not configured, its angle may be another: {names}")
+                wrong = ", the angle shown may be wrong" if set(each.changes) - _LIMITS else ""
+                print_note(f"{each.where}: is not configured{wrong}: {names}")
         try:
             while now < end:
                 bench.read(state)
@@ -205,8 +209,11 @@ def _rows(robot: Robot, state: RobotState) -> list[dict[str, Any]]:
 def _state_table(robot: Robot, state: RobotState) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     rows = _rows(robot, state)
+    joints = max(len(row["joint"]) for row in rows)
     for column in rows[0]:
-        table.add_column(column.replace("_", " "))
+        words = column.split("_")
+        # A narrow terminal may break headers between words; a joint that is cut could be either of two.
+        table.add_column(" ".join(words), min_width=joints if column == "joint" else max(map(len, words)))
     for row in rows:
         table.add_row(*("" if value is None else str(value) for value in row.values()))
     return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,9 +42,10 @@ def calibrate(
     """Calibrate every joint's zero: you hold the joint there, the program reads the servo.
 
     Hang the robot up. The program switches torque off where it is on, and asks for one joint after another: bring it to
-    the angle 0 of the robot's model, which `flexmotion robots` shows. Enter takes the angle, s leaves the joint as it
-    was, q ends without storing. A zero with which the servo could not reach the joint's limits is not taken. The result
-    is stored beside the robot file, with the date and the servos; nothing else is written to the servos.
+    the angle 0 of the robot's model, which `flexmotion robots` shows. Enter takes the angle and shows
+    its distance from the zero before, s leaves the joint as it was, q ends without storing. A zero with which the servo
+    could not reach the joint's limits is not taken. The result is stored beside the robot file, with the date and the
+    servos; nothing else is written to the servos.
 
     [bold]Examples[/bold]
 
@@ -167,11 +169,14 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
                     default="",
                     show_default=False,
                     err=True,
-                )
+                ).strip()
                 if answer == "q":
                     return None
                 if answer == "s":
                     break
+                if answer:
+                    print_note(f"{answer!r}: expected Enter, s or q; nothing was taken")
+                    continue
                 angle = angle_at_rest(bench, index)
                 if angle is None:
                     print_note(f"{name}: moves: hold it still")
@@ -183,8 +188,9 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
                 except ConfigError as error:
                     print_note(f"{error}: not taken")
                     continue
+                moved = math.degrees(zero - zeros[name])
+                print_note(f"{name}: zero at {zero:+.4f} rad of the servo, {moved:+.1f}° from the zero before")
                 zeros[name] = zero
-                print_note(f"{name}: zero at {zero:+.4f} rad of the servo")
                 break
     joints = {
         joint.name: CalibratedJoint(zero=round(zeros[joint.name], 6), servo=joint.servo, id=joint.id)

@@ -69,6 +69,8 @@ def identify(
         raise ConfigError("expected either --port (the joint moves) or --log (a run that was recorded)")
     if log is not None and (amplitude is not None or dry_run):
         raise ConfigError("--amplitude and --dry-run are for a motion, not for --log")
+    if amplitude is not None and not (math.isfinite(amplitude) and amplitude > 0.0):
+        raise ConfigError(f"--amplitude {amplitude:g}: expected an angle above 0 [rad]")
     chosen = load_robot(robot)
     indices = [chosen.index(name) for name in dict.fromkeys(joint)]
     if log is not None:

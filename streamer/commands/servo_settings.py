@@ -129,7 +129,7 @@ def _change(
     print_note(f"old values: {file}")
     try:
         bench.write(inspections, changes)
-    except DriverError:
+    except (DriverError, KeyboardInterrupt):
         print_note(f"a part may be written; `flexmotion servo restore {file}` writes the old values back")
         raise
     if as_json:

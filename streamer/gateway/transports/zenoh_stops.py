@@ -34,12 +34,14 @@ class ZenohStops:
         """See `StopInput.begin`."""
 
         def serve(session: zenoh.Session) -> list[Any]:
-            declared: list[Any] = [session.liveliness().declare_token(self.link.key("alive", "stops"))]
+            declared: list[Any] = []
             for word, asked in _ASKS.items():
                 key = self.link.key(word)
                 presser, answerer = self._presser(session, presses, word, asked), self._answerer(presses, word, asked)
                 declared.append(session.declare_subscriber(key, direct(presser, way)))
                 declared.append(session.declare_queryable(key, direct(answerer, way)))
+            # Last: a client that sees the token may ask at once.
+            declared.append(session.liveliness().declare_token(self.link.key("alive", "stops")))
             return declared
 
         return keep_open(self.link.config, serve, way, "zenoh-stops", self.link.listen)

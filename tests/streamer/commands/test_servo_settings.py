@@ -6,76 +6,23 @@ Writes are counted in the bytes that the host sends.
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 import yaml
 
-from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bench import Bench
 from flexmotion.drivers.dynamixel.packet import Error
-from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
+from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
-from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.cli import execute
 
 from ...drivers.bus.robots import op3_with
-from ...drivers.bus.wire_tap import WireTap
-
-PORT = ["--port", "main"]
-KNEE = 14
-WRITE, SYNC_WRITE = 3, 0x83
-TORQUE_ENABLE, STATUS_RETURN_LEVEL = 64, 68
-
-
-class Wired:
-    """A robot's emulated servos on the port `main` of this process, and the bytes that commands send to them."""
-
-    def __init__(
-        self, robot: Robot, monkeypatch: pytest.MonkeyPatch, *, factory: bool, simulated_clock: bool = True
-    ) -> None:
-        self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
-        self.tap = WireTap(self.world)
-        for module in ("flexmotion.drivers.bench", "flexmotion.drivers.bus.driver", "flexmotion.drivers.port"):
-            monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
-        if not simulated_clock:  # commands with processes of their own
-            return
-        for clock in ("monotonic", "perf_counter"):
-            monkeypatch.setattr(f"time.{clock}", lambda: self.world.now)
-        monkeypatch.setattr("time.sleep", self.world.advance)
-
-    @property
-    def bus(self) -> EmulatedDynamixelBus:
-        bus = self.world.emulator.lines[0].bus  # type: ignore[attr-defined]
-        assert isinstance(bus, EmulatedDynamixelBus)
-        return bus
-
-    def servo(self, id_: int) -> object:
-        return next(servo for servo in self.bus.servos if servo.id == id_)
-
-    def memories(self) -> list[bytes]:
-        """EEPROM of every servo."""
-        return [bytes(servo.memory[: servo.table.eeprom_end]) for servo in self.bus.servos]
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
-
-
-@pytest.fixture
-def wired(folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Wired]:
-    monkeypatch.chdir(tmp_path)
-
-    def make(*, factory: bool = False, simulated_clock: bool = True) -> Wired:
-        return Wired(load_robot(folder), monkeypatch, factory=factory, simulated_clock=simulated_clock)
-
-    return make
+from .conftest import KNEE, PORT, TORQUE_ENABLE, Wired
 
 
 def test_watch_scan_and_audit_write_nothing(
@@ -259,10 +206,81 @@ def test_a_servo_that_refuses_in_the_middle_is_named_with_the_way_back(
     common = [*PORT, "--robot", str(folder), "--yes"]
     assert execute(["servo", "configure", *common, "--backup", str(old)]) == 3
     err = capsys.readouterr().err
-    assert f"id {stubborn.id}: write to 48 refused: range error" in err and f"servo restore {old}" in err
+    joint = next(joint for joint in it.robot.joints if joint.id == stubborn.id)
+    limit = yaml.safe_load(old.read_text(encoding="utf-8"))["joints"][joint.name]["settings"]["max_position_limit"]
+    assert f"servo of {joint.name} (id {stubborn.id}) on main: max_position_limit " in err and limit == 4095
+    assert "is not written" in err and "refused: range error" in err and f"servo restore {old}" in err
     assert it.memories() != before
     assert execute(["servo", "restore", str(old), *common]) == 0
     assert it.memories() == before
+
+
+def test_an_interrupt_in_the_middle_names_the_way_back(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: after Ctrl-C among the writes nothing was said: one servo was written, the others were not."""
+    it = wired(factory=True)
+    before, write, writes = it.memories(), DynamixelTools.write_settings, []
+
+    def interrupted(tools: DynamixelTools, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        writes.append(joint)
+        if len(writes) == 2:
+            raise KeyboardInterrupt
+        write(tools, robot, joint, settings)
+
+    monkeypatch.setattr(DynamixelTools, "write_settings", interrupted)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 130
+    assert f"a part may be written; `flexmotion servo restore {old}`" in capsys.readouterr().err
+    assert it.memories() != before
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert it.memories() == before
+
+
+def test_an_interrupt_while_old_values_are_stored_leaves_no_part_of_a_file(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: a file of 20 lines of 283 stayed behind, which `servo restore` could not read."""
+    it = wired(factory=True)
+    before, old = it.memories(), tmp_path / "old.yaml"
+
+    def interrupt(_descriptor: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flexmotion.drivers.bus.settings_file.os.fsync", interrupt)
+    configure = ["servo", "configure", *PORT, "--robot", str(folder), "--yes", "--backup", str(old)]
+    assert execute(configure) == 130
+    assert not old.exists() and it.memories() == before
+
+
+def test_the_audit_of_a_watch_says_which_angles_may_be_wrong(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: 20 servos that lacked only their position limits were said to show another angle."""
+    it = wired(factory=True)
+    next(servo for servo in it.bus.servos if servo.id == KNEE).put("homing_offset", 100)
+    assert execute(["servo", "watch", *PORT, "--robot", str(folder), "--seconds", "0.1"]) == 0
+    out, err = capsys.readouterr()
+    wrong = [line for line in err.splitlines() if "the angle shown may be wrong" in line]
+    assert len(wrong) == 1 and "l_knee" in wrong[0] and err.count("is not configured") == it.robot.n
+    # Regression: on a terminal of 80 columns the table had l_hip_pit… and l_sho_pit….
+    assert all(name in out for name in it.robot.joint_names) and "…" not in out
+
+
+@pytest.mark.parametrize("amplitude", ["-3", "0", "nan"])
+def test_an_amplitude_that_is_none_is_bad_usage(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str], amplitude: str
+) -> None:
+    """Regression: it was looked at after the whole bus had been read, and counted as a failure of the hardware."""
+    it = wired()
+    command = ["servo", "identify", *PORT, "--robot", str(folder), "--joint", "l_el", "--dry-run"]
+    assert execute([*command, "--amplitude", amplitude]) == 2
+    assert "--amplitude" in capsys.readouterr().err and not it.tap.sent
 
 
 def test_a_feetech_servo_is_configured_and_restored(
@@ -282,95 +300,6 @@ def test_a_feetech_servo_is_configured_and_restored(
     assert bus.servos[3].get("homing_offset") == -80 and bus.servos[3].get("lock") == 1
 
 
-def test_calibrate_writes_torque_enable_only(
-    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    it = wired()
-    for id_ in (KNEE, 3):
-        next(servo for servo in it.bus.servos if servo.id == id_).write(TORQUE_ENABLE, b"\x01")
-    asked: list[str] = []
-
-    def answer(text: str, **_: object) -> str:
-        asked.append(text)
-        return ""
-
-    monkeypatch.setattr("typer.prompt", answer)
-    command = ["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]
-    assert execute(command) == 0
-    assert "hold the robot" in asked[0] and "l_knee" in asked[0] and len(asked) == 2
-    assert it.tap.writes("dynamixel2") == {(WRITE, TORQUE_ENABLE): 2}
-    assert not it.world.emulator.body.plant.enabled.any()
-    it.tap.clear()
-    assert execute(command) == 0
-    assert not it.tap.writes("dynamixel2"), "torque is off already"
-
-
-def test_a_zero_that_the_servo_cannot_have_is_not_stored(
-    wired: Callable[..., Wired],
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Regression: a zero of 2.05 rad was stored, and the folder could not be loaded any more."""
-    it = wired()
-    knee = it.robot.index("l_knee")
-    body = it.world.emulator.body
-    body.position[knee] = 2.05
-    answers = ["", "q"]
-    monkeypatch.setattr("typer.prompt", lambda *_, **__: answers.pop(0))
-    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_knee"]) == 0
-    told = capsys.readouterr()
-    assert "exceed the range of XM430-W350" in told.err and "not taken" in told.err and not answers
-    assert not (folder / "calibration.yaml").exists()
-    assert load_robot(folder).zero[knee] == it.robot.zero[knee]
-
-
-def test_a_new_servo_is_adopted_among_the_others(
-    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    it = wired()
-    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
-    configured = it.memories()
-    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes", "--json"]
-    assert execute(command) == 3
-    assert "l_knee has a servo already" in capsys.readouterr().err
-    knee.factory_reset(0xFF, it.world.now)
-    knee.put("model_number", 1060)
-    it.world.advance(0.5)
-    assert execute(command) == 3
-    assert "is XL430-W250, l_knee needs XM430-W350" in capsys.readouterr().err
-    knee.put("model_number", 1020)
-    assert execute(command) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["id"] == {"old": 1, "new": KNEE} and told["baud"] == {"old": 57_600, "new": 2_000_000}
-    assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
-    assert it.memories() == configured
-    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
-
-
-def test_a_servo_that_cannot_be_adopted_keeps_its_id(
-    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Id and bit rate were written before its torque was looked at, and before its old settings were kept in a file."""
-    it = wired()
-    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
-    knee.factory_reset(0xFF, it.world.now)
-    it.world.advance(0.5)
-    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes"]
-    knee.put("torque_enable", 1)
-    assert execute(command) == 3
-    assert "torque is on, which locks its settings" in capsys.readouterr().err
-    knee.put("torque_enable", 0)
-    taken = tmp_path / "taken.yaml"
-    taken.write_text("mine", encoding="utf-8")
-    assert execute([*command, "--backup", str(taken)]) == 2
-    assert (knee.id, knee.baud) == (1, 57_600) and taken.read_text(encoding="utf-8") == "mine"
-    kept = tmp_path / "kept.yaml"
-    assert execute([*command, "--backup", str(kept)]) == 0
-    assert yaml.safe_load(kept.read_text(encoding="utf-8"))["joints"]["l_knee"]["settings"]["return_delay_time"] == 250
-    assert knee.id == KNEE
-
-
 def test_servos_without_power_are_not_switched_on_by_looking(
     wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -384,21 +313,3 @@ def test_servos_without_power_are_not_switched_on_by_looking(
     assert not it.tap.writes("dynamixel2")
     assert execute(["servo", "configure", *common]) == 0
     assert it.bus._powered
-
-
-def test_a_joint_that_moves_is_not_taken_for_its_zero(
-    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    it = wired()
-    ankle = it.robot.index("l_ank_pitch")
-    body = it.world.emulator.body
-    answers = ["", "q"]
-
-    def swing(*_: object, **__: object) -> str:
-        body.velocity[ankle] = 6.0
-        return answers.pop(0)
-
-    monkeypatch.setattr("typer.prompt", swing)
-    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]) == 0
-    assert "l_ank_pitch: moves: hold it still" in capsys.readouterr().err
-    assert not (folder / "calibration.yaml").exists()

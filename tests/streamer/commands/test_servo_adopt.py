@@ -1,0 +1,60 @@
+"""`flexmotion servo adopt` makes a factory-new servo that of a joint, or leaves it as it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from flexmotion.streamer.cli import execute
+
+from .conftest import KNEE, PORT, Wired
+
+
+def test_a_new_servo_is_adopted_among_the_others(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    configured = it.memories()
+    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes", "--json"]
+    assert execute(command) == 3
+    assert "l_knee has a servo already" in capsys.readouterr().err
+    knee.factory_reset(0xFF, it.world.now)
+    knee.put("model_number", 1060)
+    it.world.advance(0.5)
+    assert execute(command) == 3
+    assert "is XL430-W250, l_knee needs XM430-W350" in capsys.readouterr().err
+    knee.put("model_number", 1020)
+    assert execute(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["id"] == {"old": 1, "new": KNEE} and told["baud"] == {"old": 57_600, "new": 2_000_000}
+    assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
+    assert it.memories() == configured
+    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
+
+
+def test_a_servo_that_cannot_be_adopted_keeps_its_id(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Id and bit rate were written before its torque was looked at, and before its old settings were kept in a file."""
+    it = wired()
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    knee.factory_reset(0xFF, it.world.now)
+    it.world.advance(0.5)
+    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes"]
+    knee.put("torque_enable", 1)
+    assert execute(command) == 3
+    assert "torque is on, which locks its settings" in capsys.readouterr().err
+    knee.put("torque_enable", 0)
+    taken = tmp_path / "taken.yaml"
+    taken.write_text("mine", encoding="utf-8")
+    assert execute([*command, "--backup", str(taken)]) == 2
+    assert (knee.id, knee.baud) == (1, 57_600) and taken.read_text(encoding="utf-8") == "mine"
+    kept = tmp_path / "kept.yaml"
+    assert execute([*command, "--backup", str(kept)]) == 0
+    assert yaml.safe_load(kept.read_text(encoding="utf-8"))["joints"]["l_knee"]["settings"]["return_delay_time"] == 250
+    assert knee.id == KNEE
