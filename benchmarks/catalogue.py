@@ -82,7 +82,7 @@ CATALOGUE = (
     Benchmark("robot/sentences", "5 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("robot/pace", "5 min", (), "at `gait.pace` below .4 of the way, .7 of its best speed, 90 % upright"),
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
-    Benchmark("robot/switching", "5 min", (Need.CLIPS,), "more than 1 fall in 200 changes"),
+    Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),
     Benchmark("robot/steering", "15 min", (), "a fall; a stick that does not move the robot, a STOP without a stand"),
     Benchmark("robot/faults", "15 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),

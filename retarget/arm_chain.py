@@ -110,6 +110,7 @@ class ArmChain:
         joints: columns of the arm joints in the robot's order, from torso to hand, (2, m).
         lower, upper: limits, (2, m) [rad].
         has_elbow: whether a joint divides the arm into upper arm and forearm.
+        fore_joint: place in the chain of the joint that moves the forearm: elbow, or shoulder without one.
         lengths: of upper arm and forearm a side, (2, 2) [m]; without elbow half of the arm each.
 
     Raises:
@@ -148,6 +149,7 @@ class ArmChain:
         self._cross_squared = self._cross @ self._cross
         self._elbow, self._shoulder = self._divide()
         self.has_elbow = self._elbow is not None
+        self.fore_joint = self._shoulder if self._elbow is None else self._elbow
         # Any point of its axis is an anchor of a joint: take those nearest to the segments, for the links' directions.
         end = self._tips
         for joint in (self._shoulder,) if self._elbow is None else (self._elbow, self._shoulder):

@@ -21,6 +21,7 @@ from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
 from flexmotion.retarget.arm_cost import ArmTargets
+from flexmotion.retarget.arm_guard import ArmGuard
 from flexmotion.retarget.bend import TrunkBend
 from flexmotion.retarget.drafting import DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
@@ -65,6 +66,8 @@ class Retargeter:
         self.layout = StateLayout(robot.n, len(POSTURE) + len(self.body.upper.joints))
         self.bend = TrunkBend(robot, self.body)
         self.follower = posture.follower(robot, self.body)
+        first = len(POSTURE)
+        self.guard = ArmGuard(robot, self.body.upper.chain, first, float(self.follower.omega[first]))
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
@@ -203,9 +206,16 @@ class Retargeter:
         com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
         targets, arms = self._targets(now, view, walk.schedule, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
-        position, velocity, slow, soft = self.follower.slowed(ease.pace).follow(targets, now.position, now.velocity)
-        base, q, offset, short = self.body.solve(schedule.feet, com, position, now.com_offset)
+        follow = partial(self.follower.slowed(ease.pace).follow, position=now.position, velocity=now.velocity)
+        followed = follow(targets)
+        base, q, offset, short = self.body.solve(schedule.feet, com, followed[0], now.com_offset)
         checkpoint()
+        clear = self.guard.keep_clear(targets, (now.position, now.velocity), followed, q, follow)
+        if clear is not None:
+            followed = clear
+            base, q, offset, short = self.body.solve(schedule.feet, com, followed[0], now.com_offset)
+            checkpoint()
+        position, velocity, slow, soft = followed
         outside = (q < self.robot.lower) | (q > self.robot.upper)
         q = np.clip(q, self.robot.lower, self.robot.upper)
         qd, qdd, torque = self.torques.of(now, schedule, base, q)

@@ -2,7 +2,7 @@
 
 Each run streams in lockstep and changes its target at random moments, 0.2 to 1 s apart: to another of six clips,
 standing and walking; with --prompts to one of the model's prompts, any kind of `prompts.yaml`. A run ends where the
-robot falls.
+robot falls, and where it faults otherwise: a blocked joint, for one.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -27,6 +28,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
 from flexmotion.streamer.checks.switching import RandomTargets, switched
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
@@ -50,6 +52,8 @@ class Run:
         seconds: how long it lasted.
         changes: of target, until its end.
         fell: whether the robot fell.
+        fault: what ended it early, a fall or anything else; empty: nothing.
+        self_contacts: ticks in which the robot touched itself while it was upright.
         violations: goals outside the envelope.
     """
 
@@ -57,6 +61,8 @@ class Run:
     seconds: float
     changes: int
     fell: bool
+    fault: str
+    self_contacts: int
     violations: int
 
 
@@ -82,8 +88,17 @@ def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: b
 
     session.next_request = change
     record = session.run()
-    fell = any("fall" in event.message for event in record.events if event.kind == "fault")
-    return Run(seed, record.duration_s, changes.sent, fell, record.violations_sent)
+    faults = [event.message for event in record.events if event.kind == "fault"]
+    upright = ~np.isin(record.ticks.state, (State.DAMPED, State.FAULT))
+    return Run(
+        seed=seed,
+        seconds=record.duration_s,
+        changes=changes.sent,
+        fell=any("fall" in fault for fault in faults),
+        fault=faults[0] if faults else "",
+        self_contacts=int(np.count_nonzero(record.ticks.true_self_contact & upright)),
+        violations=record.violations_sent,
+    )
 
 
 def main(
@@ -102,18 +117,19 @@ def main(
             clips = {clip: load(folder / f"{clip}.bvh") for clip in CLIPS}
     one = partial(run, seconds=seconds, clips=clips, perturbed=perturbed)
     done = in_order(one, range(seed, seed + runs), jobs)
-    table = Table("run", "seconds", "changes", "fell")
+    table = Table("run", "seconds", "changes", "touches itself", "ended by")
     for own in done:
-        table.add_row(str(own.seed), f"{own.seconds:.1f}", str(own.changes), "yes" if own.fell else "")
+        table.add_row(str(own.seed), f"{own.seconds:.1f}", str(own.changes), f"{own.self_contacts} ticks", own.fault)
     Console(width=120).print(table)
     if csv_out is not None:
         write_csv(csv_out, [asdict(own) for own in done])
     changes, falls = sum(own.changes for own in done), sum(own.fell for own in done)
-    sent = sum(own.violations for own in done)
+    sent, early = sum(own.violations for own in done), sum(bool(own.fault) and not own.fell for own in done)
     few = changes > 0 and falls <= MOST * changes
     return Outcome(
         [
             Verdict(f"falls: {falls} in {changes} changes (<= 1 in {1 / MOST:.0f})", few),
+            Verdict(f"runs ended early by another fault: {early} (0)", early == 0),
             Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
         ],
         {"runs": runs, "seconds": sum(own.seconds for own in done), "changes": changes, "falls": falls},
