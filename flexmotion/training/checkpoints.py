@@ -124,8 +124,9 @@ def training_record(folder: Path) -> Trained:
 
 
 def digest(weights: dict[str, nn.Parameter]) -> str:
-    """SHA-256 of weights, to tell them apart."""
+    """SHA-256 of weights, to tell them apart; the sign of a zero does not count."""
     content = hashlib.sha256()
     for name in sorted(weights):
-        content.update(name.encode() + weights[name].detach().cpu().numpy().tobytes())
+        # Half precision has negative zeros (underflows); an average of them is a positive one.
+        content.update(name.encode() + (weights[name].detach().cpu().numpy() + 0.0).tobytes())
     return content.hexdigest()
