@@ -428,6 +428,7 @@ def test_the_command_line_sends_and_exits_by_the_answer(
     assert execute(["send", "wave", *port]) == 1
     assert capsys.readouterr().out == "refused, a stop is in force\n"
     assert execute(["clear", *port]) == 0
+    assert execute(["kill", "--the-robot-will-fall", *port]) == 0 and planner.requested[-1] is Request.KILL
     assert execute(["send", "wave", "--hold", *port]) == 2
     assert execute(["send", "--velocity", "9", "0", "0", *port]) == 2
     assert execute(["send", "wave", "--port", str(any_free())]) == 3
