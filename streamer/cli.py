@@ -54,7 +54,7 @@ app = typer.Typer(
 )
 app.command("dry-run")(dry_run)
 app.command("run")(run)
-app.command("daemon")(daemon)
+app.command("daemon", context_settings={"ignore_unknown_options": True})(daemon)
 app.command("doctor")(doctor)
 for _command in (drive, send, status, arm, disarm, stop, estop, clear, kill):
     app.command(_command.__name__)(_command)

@@ -8,15 +8,20 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import list_robots, load_robot
+from flexmotion.drivers import registry
 from flexmotion.streamer.commands.output import print_note
 
 UNIT = Path("/etc/systemd/system/flexmotion.service")
 _LOGS = "%L/flexmotion"
 """The folder of `LogsDirectory=` in a unit."""
+_NAME_OR_FOLDER = ("robot", "bundle")
+"""Parameters of `flexmotion run` that are the name of what is shipped, or a folder."""
 
 
 def daemon(
@@ -58,18 +63,24 @@ def unit(options: list[str], user: str) -> str:
 
     Raises:
         typer.BadParameter: `flexmotion run` does not take the options.
+        ConfigError: there is no such robot or driver.
     """
-    _check(options)
+    command, read = _read(options)
+    load_robot(read["robot"])
+    if read["driver"] not in registry.names():
+        raise ConfigError(f"unknown driver {read['driver']!r}, expected one of: {', '.join(registry.names())}")
+    options = _absolute(options, command, read)
     given = {option.partition("=")[0] for option in options}
     whole = [*options]
-    whole += [option for option in ("--web", "--wait") if option not in given]
+    # In the life of a daemon something is refused now and then; that is told at once, and is no failure of its service.
+    whole += [option for option in ("--web", "--wait", "--allow-refused") if option not in given]
     if given.isdisjoint(("--arm", "--no-arm")):
         whole.append("--no-arm")  # a motion that is given would else begin when somebody powers the robot
     words = [*map(_quoted, [*_program(), "run", *whole])]
     if given.isdisjoint(("--log", "--report")):
         words += ["--log", _LOGS]
     template = Template((files("flexmotion.streamer.commands") / "flexmotion.service").read_text(encoding="utf-8"))
-    return template.substitute(command=" ".join(words), user=user, robot=_robot(options))
+    return template.substitute(command=" ".join(words), user=user, robot=read["robot"])
 
 
 def _program() -> list[str]:
@@ -78,20 +89,33 @@ def _program() -> list[str]:
     return [str(Path(found).resolve())] if found else [sys.executable, "-m", "flexmotion.streamer"]
 
 
-def _check(options: list[str]) -> None:
-    """Let the parser of `flexmotion run` read the options."""
+def _read(options: list[str]) -> tuple[Any, dict[str, Any]]:
+    """The command `flexmotion run`, and what its parser reads from the options, by name."""
     from flexmotion.streamer.commands.run import run
 
     app = typer.Typer(add_completion=False)
     app.command("run")(run)
-    typer.main.get_command(app).make_context("flexmotion run", list(options))
+    command = typer.main.get_command(app)
+    return command, command.make_context("flexmotion run", list(options)).params
 
 
-def _robot(options: list[str]) -> str:
-    for name, value in zip(options, options[1:], strict=False):
-        if name in ("-r", "--robot"):
-            return value
-    return next((option.partition("=")[2] for option in options if option.startswith("--robot=")), "a robot")
+def _absolute(options: list[str], command: Any, read: dict[str, Any]) -> list[str]:
+    """The options with paths that hold in any folder: a unit runs in one of its own."""
+    words = set()
+    for parameter in command.params:
+        value = read[parameter.name]
+        first = value[0] if isinstance(value, list | tuple) and value else value
+        named = parameter.name in _NAME_OR_FOLDER and first not in (None, *list_robots()) and Path(first).is_dir()
+        if isinstance(first, Path) or named:
+            words |= {*parameter.opts}
+    found = []
+    for before, word in zip(["", *options], options, strict=False):
+        option, sign, value = word.partition("=")
+        if before in words:
+            found.append(str(Path(word).absolute()))
+        else:
+            found.append(f"{option}={Path(value).absolute()}" if sign and option in words else word)
+    return found
 
 
 def _quoted(word: str) -> str:

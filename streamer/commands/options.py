@@ -235,7 +235,9 @@ NameOption = Annotated[
         show_default=False,
     ),
 ]
-ZenohOption = Annotated[bool, typer.Option("--zenoh", help="Take targets and stops over zenoh (keys: docs/live.md).")]
+ZenohOption = Annotated[
+    bool, typer.Option("--zenoh", help="Take targets and stops over zenoh (keys: docs/transports.md).")
+]
 ZenohRouterOption = Annotated[
     str | None,
     typer.Option(
@@ -248,11 +250,12 @@ ZenohRouterOption = Annotated[
 Ros2Option = Annotated[
     bool,
     typer.Option(
-        "--ros2", help="Take part in ROS 2 over the zenoh router on this machine (rmw_zenoh; topics: docs/live.md)."
+        "--ros2",
+        help="Take part in ROS 2 over the zenoh router on this machine (rmw_zenoh; topics: docs/transports.md).",
     ),
 ]
 GamepadOption = Annotated[
-    bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/live.md.")
+    bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/transports.md.")
 ]
 StdinOption = Annotated[
     bool,

@@ -302,5 +302,5 @@ def kill(
     if not confirm:
         raise typer.BadParameter("the robot will fall: confirm it by --the-robot-will-fall, or use `flexmotion stop`")
     with run.client() as client:
-        answer = client.kill()
+        answer = client.kill(confirm="the robot will fall")
     _present(answer, run.as_json)

@@ -46,6 +46,8 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> Outcome:
         for service in session.services:
             if isinstance(service, GatewayService) and service.url is not None:
                 print_note(f"web: {service.url}")
+                if service.far_url is not None:
+                    print_note(f"on another machine: {service.far_url}")
             if isinstance(service, LiveView):
                 print_note(f"foxglove: open the connection {service.url}")
         try:

@@ -72,6 +72,12 @@ class Estimator:
         self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
         self._spatial, self._euler = np.zeros(6), np.zeros(3)
 
+    @property
+    def tilt_angle(self) -> float:
+        """Angle between the torso's up axis and the world's [rad], 0 to pi, from roll and pitch."""
+        roll, pitch = self.tilt
+        return math.acos(math.cos(roll) * math.cos(pitch))
+
     def reset(self) -> None:
         """Set speeds and the way to zero for a new run; the attitude is kept, since the IMU measures on."""
         self.com_velocity[:] = 0.0

@@ -190,7 +190,7 @@ class ControlLoop:
         if state is State.OFF:
             self._check_start()
             return
-        tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
+        tilted = self.estimator.tilt_angle > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if state in _JUDGED:
             known = (measured.stale == 0) & ~self.joints.limp
@@ -261,7 +261,7 @@ class ControlLoop:
 
     def _lies(self) -> str | None:
         """Why a robot that has been watched for a while cannot stand up: it lies. None where it may."""
-        tilt = math.hypot(*self.estimator.tilt)
+        tilt = self.estimator.tilt_angle
         if not self.estimator.has_imu or tilt <= self.robot.safety.fall_tilt:
             return None
         return f"the torso is tilted by {math.degrees(tilt):.0f}°: the robot lies; put it into its rest pose by hand"

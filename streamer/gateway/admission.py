@@ -57,7 +57,10 @@ class Admission:
             )
         if token is not None and (len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable()):
             raise ConfigError(f"token: expected {SHORTEST_TOKEN} printable ASCII characters or more")
-        self._names = {"localhost", address.lower(), socket.gethostname().lower()}
+        name = socket.gethostname().lower()
+        self._names = {"localhost", address.lower(), name}
+        if not is_loopback(address):
+            self._names.add(f"{name.split('.')[0]}.local")  # by multicast DNS, as phones and laptops find a robot
 
     def refusal(self, headers: Mapping[str, str], query: str = "", *, token_needed: bool = True) -> Refusal | None:
         """Why a request is not admitted; None where it is.
@@ -75,8 +78,14 @@ class Admission:
             return Refusal(403, "origin", f"origin {origin[:80]!r}: pages of other servers may not steer the robot")
         given = headers.get("authorization", "").removeprefix("Bearer ") or parse_qs(query).get("token", [""])[0]
         if token_needed and not self.opens(given.encode()):
-            return Refusal(401, "token", "expected the header 'Authorization: Bearer TOKEN'")
+            found = "not the token of this run; " if given else ""
+            return Refusal(401, "token", f"{found}expected the header 'Authorization: Bearer TOKEN'")
         return None
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether all addresses of this machine are listened to."""
+        return _is_address(self.address) and ipaddress.ip_address(self.address).is_unspecified
 
     def opens(self, given: bytes) -> bool:
         """Whether what a sender gives is the token; always where there is none."""

@@ -15,8 +15,10 @@ from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
     PATIENCE_S,
     Messages,
+    StopAnswer,
     answer_in,
     heading_content,
+    kill_content,
     text_content,
     velocity_content,
     waypoint_content,
@@ -41,7 +43,7 @@ class AsyncClient(Messages):
         try:
             self._socket = await self._open.enter_async_context(connect(self.url, **self.options))
         except (OSError, WebSocketException) as error:
-            raise self.failed(error) from error
+            raise await asyncio.to_thread(self.failed, error) from error
         self._reading = asyncio.create_task(self._read())
         return self
 
@@ -106,6 +108,30 @@ class AsyncClient(Messages):
     async def clear(self) -> Answer:
         """Release a STOP, or a fault; see `Client.clear`."""
         return await self.ask({"type": "clear"})
+
+    async def take(self) -> Answer:
+        """Take the operator's lease over."""
+        return await self.ask({"type": "take"})
+
+    async def release(self) -> Answer:
+        """Give the operator's lease back."""
+        return await self.ask({"type": "release"})
+
+    async def kill(self, *, confirm: str) -> Answer:
+        """Switch the torque off at once: the robot falls; `confirm` is "the robot will fall"."""
+        return await self.ask(kill_content(confirm))
+
+    async def stop(self) -> StopAnswer:
+        """Come to a stand and stay, by the stop process; see `Client.stop`."""
+        return await asyncio.to_thread(self.press, "stop")
+
+    async def estop(self) -> StopAnswer:
+        """Stop as the robot file says, then park, by the stop process."""
+        return await asyncio.to_thread(self.press, "estop")
+
+    async def status(self) -> dict[str, Any]:
+        """The run now; see `Client.status`."""
+        return await asyncio.to_thread(self.fetch, "GET", self.port, "/status")
 
     async def ask(self, message: Mapping[str, Any]) -> Answer:
         """Send any message and wait for its answer."""

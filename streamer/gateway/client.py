@@ -12,24 +12,21 @@ with fm.Client() as robot:
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from contextlib import ExitStack
-from http.client import HTTPConnection, HTTPException
 from types import TracebackType
 from typing import Any, Self
 
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
-from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
-    KILL,
     PATIENCE_S,
     Messages,
     StopAnswer,
     answer_in,
     heading_content,
+    kill_content,
     text_content,
     velocity_content,
     waypoint_content,
@@ -130,21 +127,21 @@ class Client(Messages):
         """Give the operator's lease back."""
         return self.ask({"type": "release"})
 
-    def kill(self) -> Answer:
-        """Switch the torque off at once: the robot falls."""
-        return self.ask(KILL)
+    def kill(self, *, confirm: str) -> Answer:
+        """Switch the torque off at once: the robot falls; `confirm` is "the robot will fall"."""
+        return self.ask(kill_content(confirm))
 
     def stop(self) -> StopAnswer:
         """Come to a stand and stay, by the stop process; needs no token."""
-        return self._press("stop")
+        return self.press("stop")
 
     def estop(self) -> StopAnswer:
         """Stop as the robot file says, then park, by the stop process."""
-        return self._press("estop")
+        return self.press("estop")
 
     def status(self) -> dict[str, Any]:
         """The run now: `flexmotion.streamer.gateway.status.Status` as JSON."""
-        return self._http("GET", self.port, "/status")
+        return self.fetch("GET", self.port, "/status")
 
     def ask(self, message: Mapping[str, Any]) -> Answer:
         """Send any message of `flexmotion.streamer.gateway.messages` and wait for its answer."""
@@ -168,21 +165,3 @@ class Client(Messages):
             self._socket = self._open.enter_context(connect(self.url, **self.options))
         except (OSError, WebSocketException) as error:
             raise self.failed(error) from error
-
-    def _press(self, what: str) -> StopAnswer:
-        return StopAnswer.model_validate(self._http("POST", self.stop_port, f"/{what}"))
-
-    def _http(self, method: str, port: int, path: str) -> dict[str, Any]:
-        connection = HTTPConnection(self.host, port, timeout=PATIENCE_S)
-        try:
-            connection.request(method, path, headers=self.headers)
-            response = connection.getresponse()
-            content = json.loads(response.read())
-        except (OSError, HTTPException, ValueError) as error:
-            failed = self.failed(error)
-            raise GatewayError(str(failed).replace(f":{self.port}:", f":{port}:")) from error
-        finally:
-            connection.close()
-        if response.status in (401, 403):
-            raise GatewayError(f"{self.host}:{port}: refused: {content.get('reason')}")
-        return dict(content)

@@ -6,6 +6,8 @@ import itertools
 import json
 import uuid
 from collections.abc import Mapping
+from http.client import HTTPConnection, HTTPException
+from socket import gaierror
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -13,8 +15,8 @@ from websockets.exceptions import InvalidStatus
 
 from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.stream import Gateway
-from flexmotion.streamer.gateway.admission import find_token
-from flexmotion.streamer.gateway.messages import Answer, KillMessage, decode, encode
+from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
+from flexmotion.streamer.gateway.messages import Answer, MessageError, decode, encode
 
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
@@ -85,21 +87,70 @@ class Messages:
 
     def message(self, content: Mapping[str, Any]) -> tuple[str, str]:
         """The id and the text of a message. Raises `MessageError` where it is not valid."""
+        if not isinstance(content, Mapping):
+            raise MessageError(f"message: {content!r}, expected a mapping such as {{'type': 'text', 'text': 'wave'}}")
         known = {key: value for key, value in content.items() if value is not None}
         number = next(self._ids)
         identity = str(known.setdefault("id", f"{self._session}-{number}"))
         known = {"source": self.source, "sequence": number, **known}
         return identity, encode(decode(json.dumps(known).encode()))
 
-    def failed(self, error: Exception) -> GatewayError:
-        """What to raise for an error of the connection."""
-        where = f"{self.host}:{self.port}"
+    def failed(self, error: Exception, port: int | None = None) -> GatewayError:
+        """What to raise for an error of the connection to a port; None: to that for targets."""
+        where = f"{self.host}:{self.port if port is None else port}"
         if isinstance(error, InvalidStatus):
-            reason = error.response.body.decode(errors="replace") if error.response.body else str(error)
-            return GatewayError(f"{where}: the run refuses the connection: {reason}")
+            return GatewayError(f"{where}: the run refuses the connection: {self._refusal(error)}")
         if isinstance(error, ConnectionRefusedError):
             return GatewayError(f"{where}: no run listens; start one with: flexmotion dry-run --web")
+        if isinstance(error, gaierror):
+            return GatewayError(f"{where}: no machine of this name is known: {error.strerror}")
         return GatewayError(f"{where}: {type(error).__name__}: {error}")
+
+    def fetch(self, method: str, port: int, path: str) -> dict[str, Any]:
+        """Ask over HTTP, with the token.
+
+        Raises:
+            GatewayError: no run listens, it refuses the request, or it does not answer in time.
+        """
+        status, content = self._fetched(method, port, path)
+        if status in (401, 403):
+            reason = self._token_refused if status == 401 else content.get("reason")
+            raise GatewayError(f"{self.host}:{port}: refused: {reason}")
+        return content
+
+    def press(self, what: str) -> StopAnswer:
+        """Ask the stop process for "stop" or "estop"."""
+        return StopAnswer.model_validate(self.fetch("POST", self.stop_port, f"/{what}"))
+
+    needs_token = f"it needs its token: set {TOKEN_VARIABLE}, or give --token-file or Client(token=...)"
+
+    @property
+    def _token_refused(self) -> str:
+        return self.needs_token if self.token is None else "the token is not that of this run"
+
+    def _refusal(self, error: InvalidStatus) -> str:
+        """Why the run has not opened a WebSocket: its refusal says no more than a number, that of HTTP says why."""
+        body = error.response.body
+        if body and b"POST /estop" in body:
+            return f"{self.port} is its port for stops, expected that for targets (--web-port)"
+        if error.response.status_code != 403:
+            return body.decode(errors="replace") if body else str(error)
+        try:
+            status, content = self._fetched("GET", self.port, "/status")
+        except GatewayError:
+            return str(error)
+        return self._token_refused if status == 401 else str(content.get("reason", error))
+
+    def _fetched(self, method: str, port: int, path: str) -> tuple[int, dict[str, Any]]:
+        connection = HTTPConnection(self.host, port, timeout=PATIENCE_S)
+        try:
+            connection.request(method, path, headers=self.headers)
+            response = connection.getresponse()
+            return response.status, dict(json.loads(response.read()))
+        except (OSError, HTTPException, ValueError) as error:
+            raise self.failed(error, port) from error
+        finally:
+            connection.close()
 
 
 def text_content(text: str, ttl_s: float | None) -> dict[str, Any]:
@@ -125,7 +176,9 @@ def waypoint_content(
     return {"type": "waypoint", **place, "ttl_s": ttl_s}
 
 
-KILL = {"type": "kill", "confirm": KillMessage.model_fields["confirm"].annotation.__args__[0]}  # type: ignore[union-attr]
+def kill_content(confirm: str) -> dict[str, Any]:
+    """Fields of a `KillMessage`."""
+    return {"type": "kill", "confirm": confirm}
 
 
 def answer_in(frame: str | bytes) -> Answer | None:

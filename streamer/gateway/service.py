@@ -15,7 +15,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.telemetry import Telemetry
-from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.admission import Admission, is_loopback
 from flexmotion.streamer.gateway.health import Health
 from flexmotion.streamer.gateway.hub import Hub, Transport
 from flexmotion.streamer.gateway.ports import bound, check_free
@@ -104,11 +104,19 @@ class GatewayService:
 
     @property
     def url(self) -> str | None:
-        """Address of its page; None where it does not listen on the network."""
+        """Address of its page on this machine; None where it does not listen on the network."""
         if self.admission is None:
             return None
-        host = f"[{self.admission.address}]" if ":" in self.admission.address else self.admission.address
-        return f"http://{host}:{self.port}"
+        address = "localhost" if self.admission.everywhere else self.admission.address
+        return f"http://{f'[{address}]' if ':' in address else address}:{self.port}"
+
+    @property
+    def far_url(self) -> str | None:
+        """Address of its page on other machines, with words to fill in; None where they cannot reach it."""
+        if self.admission is None or self.url is None or is_loopback(self.admission.address):
+            return None
+        url = self.url.replace("localhost", "ADDRESS-OF-THIS-MACHINE") if self.admission.everywhere else self.url
+        return f"{url}/#token=TOKEN"
 
     def follow(self) -> Callable[[bool], None]:
         """See `Service.follow`: the server has a thread of its own."""

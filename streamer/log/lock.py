@@ -31,7 +31,7 @@ def lock(descriptor: int, path: Path, option: str) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise ConfigError(
-            f"{option}: {path}: another run that is not over writes to it, expected another one"
+            f"{option}: {path}: a run that is not over yet writes to it; choose another path, or end that run"
         ) from error
     except OSError as error:
         if error.errno not in _NO_LOCKS:

@@ -21,6 +21,9 @@ _ENDED = {
     State.FAULT: "the robot is in FAULT: clear the fault, then arm the robot",
 }
 """States in which no target is followed, and why."""
+_STOPPED = (
+    "stopped: release the stop first; after a fault, wait until the torque is off, then clear it and arm the robot"
+)
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
 
 
@@ -124,8 +127,7 @@ class TargetLedger:
         if bool(row.must_stop) or state in _ENDED:
             # Before it is armed nothing has ended: the robot will follow what its run was started with.
             self.halted |= state is not State.OFF
-            stopped = _LIMP if row.limp.any() else "stopped: release the stop first"
-            self.refuse_all(_ENDED.get(state, stopped))
+            self.refuse_all(_ENDED.get(state, _LIMP if row.limp.any() else _STOPPED))
             return
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:

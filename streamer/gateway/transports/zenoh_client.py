@@ -24,7 +24,7 @@ from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.gateway.proofs import Prover
 from flexmotion.streamer.gateway.transports.extras import need
 from flexmotion.streamer.gateway.transports.zenoh_link import robot_key
-from flexmotion.streamer.gateway.transports.zenoh_session import configuration
+from flexmotion.streamer.gateway.transports.zenoh_session import configuration, plain
 
 if TYPE_CHECKING:
     import zenoh
@@ -108,9 +108,10 @@ class ZenohClient(Client):
         try:
             self._zenoh = zenoh.open(configuration(values))
         except zenoh.ZError as error:
-            raise GatewayError(f"{self._where}: cannot be reached: {error}") from error
+            raise GatewayError(f"{self._where}: cannot be reached: {plain(error)}") from error
 
-    def _press(self, what: str) -> StopAnswer:
+    def press(self, what: str) -> StopAnswer:
+        """See `Messages.press`."""
         return StopAnswer.model_validate(self._get("stops", what, b""))
 
     def _get(self, process: str, word: str, data: bytes) -> dict[str, Any]:
@@ -124,7 +125,8 @@ class ZenohClient(Client):
             if reply.ok is not None:
                 content = json.loads(reply.ok.payload.to_bytes())
                 if content.get("state") == "refused" and word == "status":
-                    raise GatewayError(f"{self._where}: refused: {content.get('reason')}")
+                    reason = self.needs_token if self.token is None else content.get("reason")
+                    raise GatewayError(f"{self._where}: refused: {reason}")
                 return dict(content)
         raise GatewayError(f"{self._where}: no answer on {key} within {PATIENCE_S:g} s")
 

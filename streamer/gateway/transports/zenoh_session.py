@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -62,7 +63,7 @@ def keep_open(
             try:
                 session = zenoh.open(config())
             except zenoh.ZError as error:
-                way.fails(f"{where} cannot be reached, it is waited for: {error}")
+                way.fails(f"{where} cannot be reached, it is waited for: {plain(error)}")
                 ended.wait(_RETRY_S)
                 continue
             declared: list[Any] = []
@@ -83,6 +84,13 @@ def keep_open(
         thread.join(2.0 * _RETRY_S)
 
     return end
+
+
+def plain(error: Exception) -> str:
+    """What zenoh says of an error, without the places in its own source code."""
+    text = re.sub(r" at /\S+\.rs:\d+\.?", "", str(error))
+    named = re.search(r'msg: "(.*?)"', text)
+    return named[1] if named else text
 
 
 def payload(message: Any) -> bytes:

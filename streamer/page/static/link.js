@@ -7,7 +7,7 @@ export class Link {
   constructor(handlers) {
     this.handlers = handlers;
     this.token = fromAddress() ?? sessionStorage.getItem("token");
-    this.source = `page ${crypto.getRandomValues(new Uint16Array(1))[0].toString(36)}`;
+    this.source = ownName();
     this.next = 1;
     this.waiting = new Map();
     this.socket = null;
@@ -62,6 +62,16 @@ export class Link {
     this.socket.send(JSON.stringify({ ...message, id, source: this.source, sequence: number }));
     return new Promise((resolve) => this.waiting.set(id, resolve));
   }
+}
+
+// The name of this page. It keeps it when it is loaded again, and with it the operator's lease; a copy of its tab is
+// another page, so the name is stored only while no page has it.
+function ownName() {
+  const name = sessionStorage.getItem("source") ?? `page ${crypto.getRandomValues(new Uint16Array(1))[0].toString(36)}`;
+  sessionStorage.removeItem("source");
+  addEventListener("pagehide", () => sessionStorage.setItem("source", name));
+  addEventListener("pageshow", () => sessionStorage.removeItem("source"));
+  return name;
 }
 
 // A token behind "#token=" is not sent to any server and not logged; it is taken out of the address.

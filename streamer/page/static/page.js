@@ -141,7 +141,7 @@ function showStatus(now) {
   const stands = ["READY", "STREAMING", "HOLD"].includes(now.state) && !now.cause;
   if ((before === "FAULT" && now.state === "OFF") || (stands && now.state !== "HOLD")) fault = null;
   panel.show("fault", ...((stands ? null : fault) ?? [null]));
-  panel.show("state", ...((silent ? null : nextStep(now, stops.recovering)) ?? [null]));
+  panel.show("state", ...((silent ? null : nextStep(now, stops.recovering, other)) ?? [null]));
 }
 
 function showEvent(event) {

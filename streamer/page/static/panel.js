@@ -38,8 +38,8 @@ export class Panel {
   }
 }
 
-// What to do in a state: [title, text]; null: nothing.
-export function nextStep({ state, must_stop }, recovering) {
+// What to do in a state: [title, text]; null: nothing. other: the operator, if it is not this page.
+export function nextStep({ state, must_stop }, recovering, other) {
   const arm = "See that nobody is in its way, then arm it: it stands up.";
   if (state === "FAULT") return ["Fault", "The torque is off. Clear the fault, then arm the robot."];
   if (state === "DAMPED") return ["The robot fell", "It gives way, then its torque goes off."];
@@ -47,7 +47,7 @@ export function nextStep({ state, must_stop }, recovering) {
   if (state === "OFF") return [recovering ? "Fault cleared" : "Torque is off", arm];
   if (recovering) return ["Fault", "The robot lowers itself, then its torque goes off."];
   if (!must_stop) return null;
-  return state === "STREAMING" ? ["Stopping", "The robot comes to a stand."] : ["Stopped", "It takes no target until the stop is released."];
+  return state === "STREAMING" ? ["Stopping", "The robot comes to a stand."] : ["Stopped", `It takes no target until the stop is released.${other ? ` ${other} steers: take over, then release it.` : ""}`];
 }
 
 // Why nothing can be asked for now; null: it can.

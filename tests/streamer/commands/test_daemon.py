@@ -31,7 +31,14 @@ def test_a_unit_reports_progress_and_never_stands_a_fallen_robot_up(capsys: pyte
     # Another signal, or one to all processes, would end the planner or the loop while the robot walks.
     assert (found["WatchdogSignal"], found["KillMode"]) == ("SIGTERM", "process")
     words = found["ExecStart"].split()
-    assert words[1:8] == ["run", *OPTIONS] and words[8:] == ["--web", "--wait", "--no-arm", "--log", "%L/flexmotion"]
+    assert words[1:8] == ["run", *OPTIONS] and words[8:] == [
+        "--web",
+        "--wait",
+        "--allow-refused",
+        "--no-arm",
+        "--log",
+        "%L/flexmotion",
+    ]
     assert Path(words[0]).is_absolute() and Path(words[0]).exists()
 
 
@@ -58,6 +65,56 @@ def test_options_that_run_does_not_take_are_refused(capsys: pytest.CaptureFixtur
     assert "--driver" in capsys.readouterr().err
     assert execute(["daemon", "--", *OPTIONS, "--no-such-option"]) == 2
     assert "--no-such-option" in capsys.readouterr().err
+
+
+def test_a_robot_or_driver_that_is_not_there_is_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """The unit was printed, and its service failed at the next start of the machine."""
+    assert execute(["daemon", "--", "-r", "op3", "-d", "dynamixl", "-p", "/dev/ttyUSB0"]) == 2
+    assert "unknown driver 'dynamixl', expected one of: dynamixel" in capsys.readouterr().err
+    assert execute(["daemon", "--", "-r", "op4", "-d", "sim"]) == 2
+    assert "op4" in capsys.readouterr().err
+
+
+def test_the_two_dashes_may_be_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    """It said "No such option: -r", of an option that the same page of help shows."""
+    assert execute(["daemon", "--user", "robot", *OPTIONS]) == 0
+    found = service(capsys.readouterr().out)
+    assert found["User"] == "robot" and found["ExecStart"].split()[1:8] == ["run", *OPTIONS]
+
+
+def test_paths_hold_in_the_folder_of_the_service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A service runs in a folder of its own: a path of the shell that wrote the unit pointed to nothing there."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(Path(command.__file__).parents[2] / "configs" / "robots" / "op3", tmp_path / "mine")
+    (tmp_path / "mine" / "op3.yaml").rename(tmp_path / "mine" / "robot.yaml")
+    options = [
+        "-r",
+        "mine",
+        "-d",
+        "sim",
+        "--name",
+        "mine",
+        "--log=mine",
+        "--clips",
+        "a.bvh",
+        "--settings",
+        "/etc/fm.yaml",
+    ]
+    words = service(unit(options, "robot"))["ExecStart"].split()
+    here = str(tmp_path)
+    assert words[2:12] == [
+        "-r",
+        f"{here}/mine",
+        "-d",
+        "sim",
+        "--name",
+        "mine",
+        f"--log={here}/mine",
+        "--clips",
+        f"{here}/a.bvh",
+        "--settings",
+    ]
+    assert words[12] == "/etc/fm.yaml" and unit(["-r", "op3", "-d", "sim"], "robot").count("-r op3") == 1
 
 
 def test_it_is_installed_where_systemd_looks(

@@ -64,6 +64,16 @@ def test_tilt_comes_from_the_imu(tilt: tuple[float, float]) -> None:
     np.testing.assert_allclose(estimator.tilt, tilt, atol=0.02)
 
 
+def test_a_robot_that_lies_is_tilted_by_half_a_turn_at_most() -> None:
+    """Roll and pitch as the sides of a triangle told an operator of a robot that was tilted by 191°."""
+    estimator = settled(measured(), reference())
+    for roll, pitch, angle in ((-3.0293, -1.3956, 1.7446), (0.3, 0.0, 0.3), (0.0, -0.4, 0.4), (np.pi, 0.0, np.pi)):
+        estimator.tilt[:] = roll, pitch
+        np.testing.assert_allclose(estimator.tilt_angle, angle, atol=1e-3)
+        up = Rotation.from_euler("xyz", [roll, pitch, 0.0]).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(estimator.tilt_angle, np.arccos(up[2]), atol=1e-6)
+
+
 def test_a_torso_that_leans_forward_moves_the_centre_of_mass_forward() -> None:
     upright = settled(measured(), reference())
     leaning = settled(measured(tilt=(0.0, 0.1)), reference(), ticks=2000)

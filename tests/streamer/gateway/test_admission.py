@@ -54,6 +54,8 @@ def test_a_token_is_needed_where_one_is_set_and_browsers_send_it_in_the_address(
     assert why(admission, **host, authorization=f"Bearer {TOKEN}") is None
     assert why(admission, query="token=correct+horse+battery", **host) is None
     assert why(admission, query="token=wrong", **host) == "token"
+    wrong = admission.refusal({**host, "authorization": "Bearer wrong"})  # it said that none was given
+    assert wrong is not None and wrong.reason.startswith("not the token of this run")
     assert admission.refusal(host, token_needed=False) is None
 
 
@@ -62,6 +64,14 @@ def test_an_address_that_others_reach_needs_a_token(address: str) -> None:
     with pytest.raises(ConfigError, match="needs a token: set FLEXMOTION_TOKEN or give --token-file"):
         Admission(address)
     Admission(address, TOKEN)
+
+
+def test_a_run_that_listens_beyond_this_machine_is_found_by_multicast_dns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`flexmotion drive --host robot.local`, the example of its help, was refused as a foreign host."""
+    monkeypatch.setattr("socket.gethostname", lambda: "Robot.example.org")
+    assert why(Admission("0.0.0.0", TOKEN), host="robot.local:8790", authorization=f"Bearer {TOKEN}") is None
+    assert why(Admission("0.0.0.0", TOKEN), host="other.local:8790", authorization=f"Bearer {TOKEN}") == "host"
+    assert why(Admission(), host="robot.local:8790") == "host"  # without a token no name of others is believed
 
 
 def test_a_token_that_can_be_guessed_is_refused() -> None:

@@ -252,9 +252,12 @@ def test_without_the_token_nothing_is_admitted(begin: Begin, answering: Callable
     planner = answering(gateway.requests)
     status, told = http(gateway.port, "POST", "/text", b'{"text":"wave"}')
     assert status == 401 and "Authorization: Bearer" in told["reason"]
-    with pytest.raises(GatewayError, match="refuses the connection"), Client(port=gateway.port):
-        pass
-    with pytest.raises(GatewayError, match="refused"):
+    # It said "server rejected WebSocket connection: HTTP 403", which no user can mend.
+    with pytest.raises(GatewayError, match="refuses the connection: it needs its token: set FLEXMOTION_TOKEN"):
+        Client(port=gateway.port).text("wave")
+    with pytest.raises(GatewayError, match="refuses the connection: the token is not that of this run"):
+        Client(port=gateway.port, token="another token here").text("wave")
+    with pytest.raises(GatewayError, match="refused: the token is not that of this run"):
         Client(port=gateway.port, token="another token here").status()
     with Client(port=gateway.port, token=TOKEN) as client:
         assert client.text("wave").state == "accepted"
@@ -262,7 +265,7 @@ def test_without_the_token_nothing_is_admitted(begin: Begin, answering: Callable
         page.send('{"type":"hold","source":"client"}')
         assert answered(page)["state"] == "accepted"
     assert len(planner.seen) == 2
-    assert counts(gateway.port, Authorization=f"Bearer {TOKEN}")["rejected: token"] == 3
+    assert counts(gateway.port, Authorization=f"Bearer {TOKEN}")["rejected: token"] == 6
 
 
 def test_messages_that_are_too_large_are_refused_and_counted(begin: Begin, answering: Callable[..., Answering]) -> None:
@@ -341,6 +344,64 @@ def test_an_asynchronous_client(begin: Begin, answering: Callable[..., Answering
     assert states[-1] == "accepted" and set(states) <= {"accepted", "superseded"}
 
 
+def test_the_asynchronous_client_offers_what_the_other_does(begin: Begin, answering: Callable[..., Answering]) -> None:
+    """It had no `stop`, `estop`, `status`, `take`, `release` and `kill`."""
+    assert {name for name in dir(Client) if not name.startswith("_")} - {"close"} <= set(dir(AsyncClient))
+    gateway = begin()
+    answering(gateway.requests)
+
+    async def operate() -> list[str]:
+        async with AsyncClient(port=gateway.port, source="b") as robot, AsyncClient(port=gateway.port) as other:
+            answers = [await other.hold(), await robot.hold(), await robot.take(), await robot.hold()]
+            assert (await robot.status())["operator"] == "b"
+            with pytest.raises(GatewayError, match="1: no run listens"):
+                await robot.stop()
+            return [answer.state for answer in [*answers, await robot.release()]]
+
+    assert asyncio.run(operate()) == ["accepted", "refused", "accepted", "accepted", "accepted"]
+
+
+def test_a_program_confirms_that_the_robot_will_fall() -> None:
+    """`Client().kill()` cut the torque, though every other way to do so asks first."""
+    for client in (Client, AsyncClient):
+        with pytest.raises(TypeError, match="confirm"):
+            client().kill()  # type: ignore[call-arg]
+    with pytest.raises(MessageError, match="expected 'the robot will fall'"):
+        Client(port=any_free()).kill(confirm="yes")
+
+
+def test_what_is_no_message_is_named() -> None:
+    """`ask("wave")` ended in an AttributeError."""
+    with pytest.raises(MessageError, match="'wave', expected a mapping"):
+        Client(port=any_free()).ask("wave")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("address", "here", "elsewhere"),
+    [
+        ("127.0.0.1", "http://127.0.0.1", None),
+        ("0.0.0.0", "http://localhost", "http://ADDRESS-OF-THIS-MACHINE"),
+        ("::", "http://localhost", "http://ADDRESS-OF-THIS-MACHINE"),
+    ],
+)
+def test_the_page_is_named_by_an_address_that_can_be_opened(
+    run: Run, op3: Robot, address: str, here: str, elsewhere: str | None
+) -> None:
+    """It printed http://0.0.0.0:8790, which no phone can open, and nothing of the token."""
+    listens, port = Admission(address, TOKEN), any_free()
+    service = GatewayService(
+        op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, listens, port=port, stop_port=1
+    )
+    assert service.url == f"{here}:{port}"
+    assert service.far_url == (None if elsewhere is None else f"{elsewhere}:{port}/#token=TOKEN")
+
+
+def test_a_machine_that_nobody_knows_is_told_in_words() -> None:
+    """It said "gaierror: [Errno -2]"."""
+    with pytest.raises(GatewayError, match="robot.invalid:8790: no machine of this name is known"):
+        Client("robot.invalid").text("wave")
+
+
 def test_a_client_without_a_run_says_how_to_start_one() -> None:
     with pytest.raises(GatewayError, match="no run listens; start one with: flexmotion dry-run --web"):
         Client(port=any_free()).text("wave")
@@ -367,6 +428,7 @@ def test_the_command_line_sends_and_exits_by_the_answer(
     assert execute(["send", "wave", *port]) == 1
     assert capsys.readouterr().out == "refused, a stop is in force\n"
     assert execute(["clear", *port]) == 0
+    assert execute(["kill", "--the-robot-will-fall", *port]) == 0 and planner.requested[-1] is Request.KILL
     assert execute(["send", "wave", "--hold", *port]) == 2
     assert execute(["send", "--velocity", "9", "0", "0", *port]) == 2
     assert execute(["send", "wave", "--port", str(any_free())]) == 3

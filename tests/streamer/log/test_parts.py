@@ -157,7 +157,7 @@ def test_two_runs_do_not_write_to_one_log(tmp_path: Path, capsys: pytest.Capture
     held = LogFile(path)
     held.write(b"of the first run")
     assert execute(["dry-run", "--seconds", "0.3", "--log", str(path)]) == 2
-    assert "another run that is not over writes to it" in capsys.readouterr().err
+    assert "run.mcap: a run that is not over yet writes to it; choose another path" in capsys.readouterr().err
     assert path.read_bytes() == b"of the first run"
     held.close()
     assert execute(["dry-run", "--seconds", "0.3", "--log", str(path)]) == 0

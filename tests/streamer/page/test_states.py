@@ -218,7 +218,48 @@ def test_a_block_of_the_strip_ends_with_its_motion(run: StandIn) -> None:
     assert "✓" in run.page.inner_text("#history .steps")
 
 
+def test_a_note_of_the_run_covers_nothing(run: StandIn) -> None:
+    """Notes in the list of messages looked like confirmations: they lay over the prompt for good."""
+    page = run.page
+    page.set_viewport_size(DESK)
+    page.evaluate("() => { document.getElementById('events').closest('details').open = true; }")
+    run.event("note", "'fly' is refused: it can do much else " * 5)
+    run.event("note", "a second note")
+    run.until(lambda: "a second note" in page.inner_text("#events"), "the messages")
+    cards = page.locator("#events").bounding_box()
+    assert cards is not None
+    for one in page.locator("#events .note").all():
+        box = one.bounding_box()
+        assert box is not None and box["y"] >= cards["y"] and box["x"] >= cards["x"]
+    x, y = middle(run, "#prompt")
+    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).id", [x, y]) == "prompt"
+    page.evaluate("() => { document.getElementById('events').closest('details').open = false; }")
+
+
 # ------------------------------------------------------------ what can be asked
+
+
+def test_the_answer_to_a_prompt_is_seen_on_a_phone(run: StandIn) -> None:
+    """With clips to choose from it lay behind the stops, below the edge of the screen."""
+    page = run.page
+    page.evaluate("() => { document.getElementById('clips').hidden = false; }")
+    page.fill("#prompt", "fly to the moon")
+    page.press("#prompt", "Enter")
+    run.until(lambda: run.asked, "the prompt to be sent")
+    run.answer(state="refused", reason=REASON)
+    entry = page.locator("#history li", has_text="fly to the moon").first.locator(".mark")
+    run.until(lambda: entry.inner_text() == "refused", "the answer")
+    box, stops = entry.bounding_box(), page.locator(".stops").bounding_box()
+    page.evaluate("() => { document.getElementById('clips').hidden = true; }")
+    assert box is not None and stops is not None and box["y"] + box["height"] < stops["y"]
+
+
+def test_a_stop_is_released_by_the_operator_and_others_are_told_how(run: StandIn) -> None:
+    """The button of a page that does not steer ended in: refused, it can be taken over by 'take'."""
+    run.status("HOLD", must_stop=True, operator="another")
+    run.until(lambda: "take over, then release it" in run.page.inner_text("#alarm-text"), "the advice")
+    run.status("HOLD", must_stop=True)
+    run.until(lambda: "take over" not in run.page.inner_text("#alarm-text"), "the advice to go")
 
 
 def test_what_cannot_be_asked_now_cannot_be_pressed_and_says_why(run: StandIn) -> None:
@@ -292,3 +333,13 @@ def test_a_simulated_robot_that_is_set_up_again_did_not_walk_there(run: StandIn)
     points = run.page.evaluate(f"() => {scene}.path.map((one) => [one.x, one.y])")
     assert all(abs(x - 0.9) < 0.2 for x, _ in points)
     assert not run.problems
+
+
+def test_a_page_that_is_loaded_again_is_the_same_operator(run: StandIn) -> None:
+    """It was a stranger to itself: the robot walked on, and only "Take over" led back to the stick."""
+    page = run.page
+    name = page.evaluate("() => window.flexmotion.link.source")
+    assert page.evaluate("() => sessionStorage.getItem('source')") is None  # a copy of the tab would take it along
+    page.reload(wait_until="commit")
+    run.until(lambda: page.evaluate("() => Boolean(window.flexmotion?.link.opened)"), "the page to connect again")
+    assert page.evaluate("() => window.flexmotion.link.source") == name

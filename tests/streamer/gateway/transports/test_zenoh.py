@@ -311,6 +311,8 @@ def test_the_client_and_the_command_line_speak_zenoh(
         assert stranger.stop().state == "accepted"
         with pytest.raises(GatewayError, match="the proof is not one of this run's token"):
             stranger.status()
+    with ZenohClient(network.gate) as stranger, pytest.raises(GatewayError, match="set FLEXMOTION_TOKEN"):
+        stranger.status()
     monkeypatch.setenv("FLEXMOTION_TOKEN", TOKEN)
     over = ["--zenoh", network.gate]
     assert execute(["clear", *over, "--source", "alice"]) == 0
@@ -318,7 +320,11 @@ def test_the_client_and_the_command_line_speak_zenoh(
     assert network.served.loop.requested[-1] is Request.ESTOP and "heard as wave" in capsys.readouterr().out
     assert execute(["send", "wave", *over, "--source", "a/b"]) == 2
     assert "a part of a key" in capsys.readouterr().err
+    capsys.readouterr()
     assert execute(["stop", "--zenoh", f"tcp/127.0.0.1:{any_free()}"]) == 3
+    assert execute(["stop", "--zenoh", "nonsense"]) == 3
+    told = capsys.readouterr().err
+    assert "of the form <protocol>/<address>" in told and ".rs" not in told
 
 
 def test_a_reader_that_takes_nothing_stalls_nobody(serve: Serve, sessions: ExitStack) -> None:
