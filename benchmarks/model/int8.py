@@ -1,15 +1,15 @@
 """Are networks in eight bits faster than in single precision, and how far is their motion off?
 
-Samples of one window on one thread, each from the last one: milliseconds on the wall clock and of the processor, size
-of the networks on disk, and the distance of the motion from that in single precision with the same noise. --training is
-the training run that the bundle was exported from; with it the same networks are timed in torch. Peak memory is that of
-a process of its own that samples, and of one that runs the live system in lockstep. Fails where the bundle takes more
-than 12 ms (median) or 20 ms (99th percentile) of the processor, or a process more than 400 MB.
+Samples of one window on one thread, each from the last one, all ways by turns: milliseconds on the wall clock and of
+the processor, the ratio of the latter's median to that in single precision, size of the networks on disk, and the
+distance of the motion from that in single precision with the same noise. --training is the training run that the bundle
+was exported from; with it the same networks are timed in torch. Peak memory is that of a process of its own that
+samples, and of one that runs the live system in lockstep. Fails where the bundle takes more than 12 ms (median) or
+20 ms (99th percentile) of the processor, or a process more than 400 MB.
 """
 
 from __future__ import annotations
 
-import logging
 import shutil
 import subprocess
 import sys
@@ -18,16 +18,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-import onnxruntime
 import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.model.sampler_speed import condition_of, measure
+from benchmarks.model.sampler_speed import by_turns, condition_of
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
@@ -99,40 +98,19 @@ class Row:
 def quantised(bundle: Bundle, names: Sequence[str], folder: Path) -> Bundle:
     """A copy of a bundle with some of its networks in eight bits."""
     try:
-        from onnxruntime.quantization import QuantType, quantize_dynamic
+        from flexmotion.training.eight_bits import to_eight_bits
     except ImportError as error:
         raise ConfigError("quantisation needs the extra 'train': in a clone, pip install '.[train]'") from error
-    # It warns that networks should be prepared: `_folded` does that.
-    logging.getLogger().setLevel(logging.ERROR)
     shutil.copytree(bundle.folder, folder)
     for name in names:
-        quantize_dynamic(_folded(bundle.folder / name), folder / name, weight_type=QuantType.QInt8, per_channel=True)
+        to_eight_bits(folder / name)
     with np.load(bundle.folder / ARRAYS) as arrays:
-        return write_bundle(folder, bundle.manifest, dict(arrays))
+        return write_bundle(folder, bundle.manifest.model_copy(update={"eight_bits": True}), dict(arrays))
 
 
-def _folded(source: Path) -> Any:
-    """The same network with weights in single precision instead of half precision and a cast."""
-    import onnx
-
-    options = onnxruntime.SessionOptions()
-    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
-    options.log_severity_level = 3
-    with tempfile.TemporaryDirectory() as work:
-        target = Path(work) / source.name
-        options.optimized_model_filepath = str(target)
-        onnxruntime.InferenceSession(str(source), options, providers=["CPUExecutionProvider"])
-        model = onnx.load(target)
-    # Shapes of intermediate values differ from those that were recorded at the export.
-    model.graph.ClearField("value_info")
-    return model
-
-
-def row(name: str, bundle: Bundle, reference: Sampler, steps: int | None, repeats: int) -> Row:
-    """Measure one way."""
-    sampler = Sampler(bundle, steps)
-    size = sum((bundle.folder / network).stat().st_size for network in NETWORKS) / 1e6
-    return Row(name, measure(sampler, repeats), size, distances(sampler, reference))
+def size_mb(bundle: Bundle) -> float:
+    """Size of the networks on disk [MB]."""
+    return sum((bundle.folder / network).stat().st_size for network in NETWORKS) / 1e6
 
 
 def distances(sampler: Sampler, reference: Sampler) -> Float:
@@ -158,17 +136,20 @@ def torch_times(bundle: Bundle, training: Path, steps: int, repeats: int) -> dic
     manifest = bundle.manifest
     autoencoder, denoiser = load_networks(Run(training), distilled=manifest.guided)
     decoder = Decoder(autoencoder, denoiser).eval()
-    rows, rng = 1 if manifest.guided else 2, np.random.default_rng(0)
+    conditions, rng = 3 if manifest.manner else 2, np.random.default_rng(0)
+    rows, width = 1 if manifest.guided else conditions, bundle.prompts.embeddings.shape[1]
     inputs = {
         "noisy": rng.standard_normal((rows, manifest.latent), np.float32),
         "time": np.full(rows, manifest.times // 2),
         "history": rng.standard_normal((rows, manifest.history, bundle.layout.size), np.float32),
-        "sentence": rng.standard_normal((rows, bundle.prompts.embeddings.shape[1]), np.float32),
+        "sentence": rng.standard_normal((rows, width), np.float32),
         "velocity": np.zeros((rows, 3), np.float32),
-        "present": np.ones((rows, 2), np.float32),
     }
+    if manifest.manner:
+        inputs["manner"] = rng.standard_normal((rows, width), np.float32)
+    inputs["present"] = np.ones((rows, conditions), np.float32)
     if manifest.guided:
-        inputs["guidance"] = np.full(rows, manifest.guidance, np.float32)
+        inputs["guidance"] = np.full((rows, 2) if manifest.manner else rows, manifest.guidance, np.float32)
     tensors = [torch.from_numpy(value) for value in inputs.values()]
     sessions = [open_session(bundle.folder / name) for name in NETWORKS]
 
@@ -214,12 +195,13 @@ def peak_mb(program: str, bundle: Path) -> float:
 def table(rows: Sequence[Row]) -> Table:
     """One row a way."""
     out = Table(title="One window, one thread")
-    for name in ("networks", "p50 ms", "p99 ms", "cpu p50", "cpu p99", "MB", "mm from single precision, median (p95)"):
+    times = ("p50 ms", "p99 ms", "cpu p50", "cpu p99", "ratio")
+    for name in ("networks", *times, "MB", "mm from single precision, median (p95)"):
         out.add_column(name, justify="left" if name == "networks" else "right")
     for own in rows:
-        times = [f"{value:.2f}" for value in own.quantiles]
+        figures = [f"{value:.2f}" for value in (*own.quantiles, rows[0].quantiles[2] / own.quantiles[2])]
         error = f"{np.median(own.error_mm):.2f} ({np.quantile(own.error_mm, 0.95):.2f})"
-        out.add_row(own.name, *times, f"{own.size_mb:.1f}", error)
+        out.add_row(own.name, *figures, f"{own.size_mb:.1f}", error)
     return out
 
 
@@ -235,10 +217,15 @@ def main(
     peaks = {"sampler": peak_mb(_SAMPLE, opened.folder), "live system in lockstep": peak_mb(_LIVE, opened.folder)}
     reference = Sampler(opened, steps)
     with tempfile.TemporaryDirectory() as work:
-        rows = []
-        for place, (name, networks) in enumerate(WAYS.items()):
-            copy = quantised(opened, networks, Path(work) / str(place)) if networks else opened
-            rows.append(row(name, copy, reference, steps, repeats))
+        bundles = [
+            quantised(opened, networks, Path(work) / str(place)) if networks else opened
+            for place, networks in enumerate(WAYS.values())
+        ]
+        samplers = [Sampler(copy, steps) for copy in bundles]
+        rows = [
+            Row(name, took, size_mb(copy), distances(sampler, reference))
+            for name, took, copy, sampler in zip(WAYS, by_turns(samplers, repeats), bundles, samplers, strict=True)
+        ]
     console.print(table(rows))
     if training is not None:
         took = torch_times(opened, training, reference.steps, repeats)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import resource
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -38,19 +39,25 @@ def condition_of(number: int) -> Condition:
 
 
 def measure(sampler: Sampler, repeats: int) -> Float:
-    """Milliseconds of every sample, each from the last one: wall clock, processor, (N, 2).
+    """Milliseconds of every sample, each from the last one: wall clock, processor, (N, 2)."""
+    return by_turns([sampler], repeats)[0]
+
+
+def by_turns(samplers: Sequence[Sampler], repeats: int) -> list[Float]:
+    """`measure` of several samplers that take turns, so that what else the machine does slows all of them.
 
     One thread for linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): a second
     BLAS thread spins while it waits, and counts as processor time.
     """
-    history = sampler.standing()
-    took = []
+    histories = [sampler.standing() for sampler in samplers]
+    took: list[list[tuple[float, float]]] = [[] for _ in samplers]
     with threadpool_limits(limits=1, user_api="blas"):
         for number in range(repeats + WARM_UP):
-            begin = time.perf_counter(), time.process_time()
-            history = sampler.sample(history, condition_of(number), number)
-            took.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
-    return 1e3 * np.array(took[WARM_UP:])
+            for place, sampler in enumerate(samplers):
+                begin = time.perf_counter(), time.process_time()
+                histories[place] = sampler.sample(histories[place], condition_of(number), number)
+                took[place].append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
+    return [1e3 * np.array(own[WARM_UP:]) for own in took]
 
 
 def main(

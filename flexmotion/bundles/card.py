@@ -48,7 +48,7 @@ class Making:
     stages: Mapping[str, Trained]
     begun: str = ""
 
-    def commands(self, *, corrected: bool) -> list[str]:
+    def commands(self, *, corrected: bool, eight_bits: bool = False) -> list[str]:
         """Commands that make the bundle from the set; `corrected`: with a file of corrections."""
         found: list[str] = []
         for name, stage in self.stages.items():
@@ -64,6 +64,7 @@ class Making:
             found.insert(1, "flexmotion train text -o TRAINING")
         options = "" if "distill" in self.stages else " --diffusion"
         options += " --corrections CORRECTIONS" if corrected else ""
+        options += " --eight-bits" if eight_bits else ""
         return [*found, f"flexmotion export TRAINING -o BUNDLE{options}"]
 
 
@@ -78,6 +79,7 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         manifest.description or "Human motion with joint torques, ground forces and muscle activations, from text.",
         "",
         f"- **Window**: {window}; {kind}; guidance {manifest.guidance:g}.",
+        *["- **Networks**: weights of matrix products in eight bits."] * manifest.eight_bits,
         f"- **Human**: {manifest.body.height:g} m, {manifest.body.mass:g} kg, {manifest.body.sex}.",
         f"- **Data**: {made.clips} clips, {made.hours:.2f} h, mirror images and variants included;",
         "  nothing of the held-out split.",
@@ -89,7 +91,7 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         "## Training",
         "",
         "```",
-        *made.commands(corrected=bool(corrections)),
+        *made.commands(corrected=bool(corrections), eight_bits=manifest.eight_bits),
         "```",
         "",
         "SET is what `flexmotion data build` makes of the collections named above. Batches are those of each",

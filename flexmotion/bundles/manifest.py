@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=6,
+    newest=7,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -46,7 +47,8 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_SINCE_6 = ("manner", "manner_guidance", "repertoire")
+_SINCE_7 = ("eight_bits",)
+_SINCE_6 = ("manner", "manner_guidance", "repertoire", *_SINCE_7)
 
 
 class BodySize(Strict):
@@ -106,6 +108,7 @@ class Manifest(Strict):
         repertoire: figures of its judges; None: it was not judged, and offers every kind and manner of its training.
         body: the generated human.
         corrections: fitted to this model.
+        eight_bits: whether products of matrices in its networks are of integers; before schema 7 they are not.
         licence: of the weights.
         versions: of the libraries that made the bundle.
         files: name -> sha256.
@@ -131,6 +134,7 @@ class Manifest(Strict):
     repertoire: Repertoire | None = None
     body: BodySize
     corrections: Corrections = Corrections()
+    eight_bits: bool = False
     licence: str
     versions: dict[str, str] = {}
     files: dict[str, str] = {}
@@ -182,8 +186,12 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
+    if manifest.eight_bits:
+        return _hashes(texts)
+    content = manifest.model_dump(exclude=set(_SINCE_7)) | {"schema_": "flexmotion.bundle/6"}
+    texts.append(_text(content))
     if manifest.manner or manifest.repertoire is not None:
-        return tuple(hashlib.sha256(text.encode()).hexdigest() for text in texts)
+        return _hashes(texts)
     content = manifest.model_dump(exclude=set(_SINCE_6)) | {"schema_": "flexmotion.bundle/5"}
     texts.append(_text(content))
     if not manifest.joint_contact:
@@ -192,6 +200,10 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
         if manifest.corrections == CORRECTIONS_OF_3:
             del content["corrections"]
             texts.append(_text(content | {"schema_": "flexmotion.bundle/3"}))
+    return _hashes(texts)
+
+
+def _hashes(texts: Sequence[str]) -> tuple[str, ...]:
     return tuple(hashlib.sha256(text.encode()).hexdigest() for text in texts)
 
 

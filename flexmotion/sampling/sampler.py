@@ -149,6 +149,11 @@ class Sampler:
         return max(self.history + LEAD, KNOWN if self.balanced else 0)
 
     @property
+    def unsettled(self) -> int:
+        """Last frames of a window whose forces the next window changes: they are used after it is sampled."""
+        return EDGE if self.balanced else 0
+
+    @property
     def follows_velocity(self) -> bool:
         """Whether a velocity can be requested."""
         return self.bundle.manifest.velocity

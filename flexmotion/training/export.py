@@ -25,6 +25,7 @@ from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import is_trained, load_weights, training_record
 from flexmotion.training.denoiser import Denoiser
+from flexmotion.training.eight_bits import to_eight_bits
 from flexmotion.training.export_onnx import export_network
 from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.listener_training import fit_listener, fit_manner_listener
@@ -76,6 +77,7 @@ def export(
     body: Body | None = None,
     description: str = "",
     corrections: Corrections | None = None,
+    eight_bits: bool = False,
 ) -> Bundle:
     """Write a bundle.
 
@@ -86,6 +88,7 @@ def export(
         body: size and mass of the human, with the proportions of the set; None for the default.
         description: for the manifest and the model card.
         corrections: of the exported model; None for those of the run's configuration.
+        eight_bits: whether products of matrices in denoiser and decoder are of integers (`eight_bits.py`).
 
     Raises:
         ConfigError: a stage has not been trained, or the folder is not empty and no bundle.
@@ -115,6 +118,9 @@ def export(
     export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
     for name in (NETWORK, VOCABULARY):
         copyfile(run.stage("text") / name, folder / name)
+    if eight_bits:
+        for name in (DENOISER, DECODER):
+            to_eight_bits(folder / name)
     for name in (DENOISER, DECODER, NETWORK):
         halve_weights(folder / name)
     body = summary.with_proportions(body or Body())
@@ -138,6 +144,7 @@ def export(
         manner=True,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         corrections=corrections,
+        eight_bits=eight_bits,
         licence="; ".join(summary.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )

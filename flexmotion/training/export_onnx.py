@@ -10,7 +10,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-OPSET = 18
+OPSET = 20
+"""The first with an operator for the activation of the transformers (GELU), which is nine otherwise."""
 
 
 def export_network(

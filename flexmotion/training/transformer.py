@@ -23,12 +23,26 @@ class Layer(nn.Module):
 
     def forward(self, tokens: Tensor) -> Tensor:
         """(N, L, width) -> the same."""
-        samples, length, width = tokens.shape
-        mixed = self.mix(self.norm_attention(tokens)).view(samples, length, 3, self.heads, width // self.heads)
-        query, key, value = mixed.permute(2, 0, 3, 1, 4)
-        found = nn.functional.scaled_dot_product_attention(query, key, value)
-        tokens = tokens + self.out(found.transpose(1, 2).reshape(samples, length, width))
+        query, key, value = self.mix(self.norm_attention(tokens)).chunk(3, dim=-1)
+        tokens = tokens + self.out(attention(query, key, value, self.heads))
         return tokens + self.narrow(nn.functional.gelu(self.widen(self.norm_forward(tokens)), approximate="tanh"))
+
+
+def attention(query: Tensor, key: Tensor, value: Tensor, heads: int) -> Tensor:
+    """Attention of several heads, each of a part of the width, (N, L, width) each -> (N, L, width).
+
+    onnxruntime has it as one operator. Exported as its parts it is a dozen for a layer, whose calls take longer than
+    what they compute.
+    """
+    samples, length, width = query.shape
+    if torch.onnx.is_in_onnx_export():
+        inputs, how = (query, key, value), {"num_heads": heads}
+        name = "com.microsoft::MultiHeadAttention"
+        exported: Tensor = torch.onnx.ops.symbolic(name, inputs, how, dtype=query.dtype, shape=query.shape, version=1)
+        return exported
+    parts = (one.view(samples, length, heads, width // heads).transpose(1, 2) for one in (query, key, value))
+    found = nn.functional.scaled_dot_product_attention(*parts)
+    return found.transpose(1, 2).reshape(samples, length, width)
 
 
 class Stack(nn.Module):

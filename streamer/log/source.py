@@ -74,7 +74,7 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
         if kind == MODEL:
             return _unpack_model(parts, origin)
         if kind == MIRROR:
-            sampler = Sampler(_unpack_bundle(parts, origin)) if "hash" in parts else None
+            sampler = _unpack_sampler(parts, origin) if "hash" in parts else None
             return MirrorSource(PersonChannel(), sampler, parts["name"])
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{origin}: source {kind}: the log lacks {error}") from error
@@ -91,7 +91,6 @@ def _pack_model(source: ModelSource) -> Parts:
         "seconds": source.seconds,
         "pace": None if source.pace is None else asdict(source.pace),
         "straight": source.straight,
-        "balanced": source.sampler.balanced,
     }
 
 
@@ -99,7 +98,7 @@ def _bundle_parts(sampler: Sampler) -> Parts:
     bundle = sampler.bundle
     shipped = shipped_name(bundle.folder)
     name = None if shipped == DEFAULT else shipped or str(bundle.folder.resolve())
-    return {"bundle": name, "hash": bundle.hash}
+    return {"bundle": name, "hash": bundle.hash, "balanced": sampler.balanced}
 
 
 def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
@@ -115,9 +114,13 @@ def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
     return bundle
 
 
-def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+def _unpack_sampler(parts: Parts, origin: Path) -> Sampler:
     # Earlier versions sampled windows as planted, with the forces of the decoder.
-    sampler = Sampler(_unpack_bundle(parts, origin), balanced=parts.get("balanced", False))
+    return Sampler(_unpack_bundle(parts, origin), balanced=parts.get("balanced", False))
+
+
+def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+    sampler = _unpack_sampler(parts, origin)
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     straight = parts.get("straight", False)  # older runs kept no course

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
@@ -250,8 +249,7 @@ class ModelSource:
 
     def _extend(self, first: int, last: int) -> Motion:
         """Frames from `first` to before `last`; samples those that are not sampled yet."""
-        # Forces of a window's last frames depend on the next window: it is sampled before they are handed on.
-        while self._next < last + EDGE:
+        while self._next < last + self.sampler.unsettled:
             self._sample_window()
         frames = self._frames(first, last)
         self._drop(first - int(_KEPT_S * self.fps))

@@ -32,7 +32,7 @@ class StubSampler:
     """The part of `flexmotion.sampling.sampler.Sampler` that a source needs; the pelvis' height shows the noise."""
 
     def __init__(self, follows_velocity: bool = True) -> None:
-        self.fps, self.history, self.future, self.remembers = 30.0, 8, 32, 10
+        self.fps, self.history, self.future, self.remembers, self.unsettled = 30.0, 8, 32, 10, 6
         self.name, self.follows_velocity, self.body = "stub", follows_velocity, Body()
         self.asked: list[Asked] = []
         self.read: list[str] = []

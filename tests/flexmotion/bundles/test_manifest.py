@@ -40,7 +40,7 @@ HASH_OF_0_1_0 = "363bd437c93721c6"
 
 def of_schema_3(folder: Path) -> Bundle:
     """A copy of the shipped bundle with a manifest of schema 3."""
-    since = dict.fromkeys(("corrections", "joint_contact", "manner", "manner_guidance", "repertoire"))
+    since = dict.fromkeys(("corrections", "joint_contact", "manner", "manner_guidance", "repertoire", "eight_bits"))
     return changed(folder, schema_="flexmotion.bundle/3", **since)
 
 
@@ -58,8 +58,8 @@ def test_a_log_of_schema_3_names_the_bundle_in_the_newest_schema_too(tmp_path: P
     manifest = read_manifest(OF_0_1_0)
     assert manifest.schema_ == SCHEMA and manifest.corrections == CORRECTIONS_OF_3
     hashes = [found[:HASH_LENGTH] for found in equivalent_hashes(manifest)]
-    assert hashes[-1] == HASH_OF_0_1_0 and len(set(hashes)) == 4  # in the schemas 6 to 3
-    assert hashes[2] == sha256(OF_0_1_0)[:HASH_LENGTH]
+    assert hashes[-1] == HASH_OF_0_1_0 and len(set(hashes)) == 5  # in the schemas 7 to 3
+    assert hashes[3] == sha256(OF_0_1_0)[:HASH_LENGTH]
     write_manifest(manifest, tmp_path / MANIFEST)
     assert read_manifest(tmp_path / MANIFEST) == manifest
     assert hashes[0] == sha256(tmp_path / MANIFEST)[:HASH_LENGTH]
@@ -84,9 +84,10 @@ def test_a_bundle_without_joint_contact_keeps_its_layout(tmp_path: Path) -> None
 def test_manifests_with_joint_contact_are_of_the_newest_schema_alone() -> None:
     """An older release would sample another layout, so none of its schemas can describe such a bundle."""
     manifest = Bundle(FOLDER).manifest
-    assert len(equivalent_hashes(manifest)) == 4
-    assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 2
-    assert len(equivalent_hashes(manifest.model_copy(update={"manner": True}))) == 1
+    assert len(equivalent_hashes(manifest)) == 5
+    assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 3
+    assert len(equivalent_hashes(manifest.model_copy(update={"manner": True}))) == 2
+    assert len(equivalent_hashes(manifest.model_copy(update={"eight_bits": True}))) == 1
 
 
 def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
@@ -108,9 +109,9 @@ def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("schema", "message"),
     [
-        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 6: the file is too old: export the bundle anew"),
-        ("flexmotion.bundle/7", "bundle of version 7, this release reads 3 to 6: the file is too new: install"),
-        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/6'"),
+        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 7: the file is too old: export the bundle anew"),
+        ("flexmotion.bundle/8", "bundle of version 8, this release reads 3 to 7: the file is too new: install"),
+        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/7'"),
         (7, "no bundle: schema is 7"),
     ],
 )

@@ -106,6 +106,22 @@ def test_a_script_is_followed_to_the_frame() -> None:
     assert sampler.read == ["walk forward", "turn left", "stand still"]  # before anything moves
 
 
+@pytest.mark.parametrize("unsettled", [0, 6])
+def test_a_window_is_sampled_when_it_is_needed(unsettled: int) -> None:
+    """Windows whose forces do not change were sampled six frames before they were used, which delayed plans."""
+    sampler = StubSampler()
+    sampler.unsettled = unsettled
+    it, sampled = source(Item(0.0, WALK), sampler=sampler), []
+    for end in (32 - unsettled, 33 - unsettled, 64 - unsettled, 65 - unsettled):
+        assert it.window(0, end) is not None
+        sampled.append(len(sampler.asked))
+    assert sampled == [1, 2, 2, 3]
+    # A shorter look-ahead samples the same motion.
+    other, motion = source(Item(0.0, WALK)).window(0, 40), it.window(0, 40)
+    assert other is not None and motion is not None
+    np.testing.assert_array_equal(pose(motion), pose(other))
+
+
 def test_before_the_first_item_it_stands() -> None:
     sampler = StubSampler()
     assert source(Item(1.0, WALK), sampler=sampler).window(0, 32) is not None
