@@ -1,12 +1,13 @@
 """Where a step may land: the human's foothold scaled to the robot, within its stride, its stance and its swing speed.
 
-A foothold is relative to where the human's other foot stood when the robot's other foot was put down for it. So the
-next step makes up for a human foot that slides while it stands.
+A foothold is relative to the place on the human's ground that the robot's other foot represents. It is behind the
+human's foot by what the robot's steps fell short of, so that later steps make up for it, and for a human foot that
+slides while it stands.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,13 @@ Float = NDArray[np.float64]
 
 _MAX_CARRY = 0.3
 """Most of a sideways step beyond the robot's stance width that is left to the other foot's step [m of the human]."""
+_MAX_LAG_S = 1.5
+"""Most that the robot lags behind the human and still makes up for, over its speed [s]: it goes on for as long after
+the human has come to a stand."""
 _TURN_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Shares of a foot's turn: the first that leaves the foot within a stride and within reach is taken, else the last."""
+_AHEAD_FIRST = 0.97
+"""Share of the longest stride down to which a foot goes less far aside instead of less far ahead."""
 _STRIDE_TOLERANCE = 1e-3
 """By how much a foot may be further ahead than the longest stride [m]."""
 
@@ -46,12 +52,14 @@ class Foothold:
 
     Attributes:
         pose: x, y, z, yaw of the sole centre, (4,) [m, m, m, rad].
-        human: position on the human's ground that it represents, (2,) [m]: the human's foot, moved sideways by what is
-            out of the robot's reach.
+        human: position on the human's ground that it represents, (2,) [m]: the human's foot, moved by what is out of
+            the robot's reach.
+        bearing: direction on the robot's floor of what is ahead on the human's ground along +x [rad].
     """
 
     pose: Float
     human: Float
+    bearing: float
 
 
 class Footholds:
@@ -67,13 +75,15 @@ class Footholds:
     def __init__(self, gait: Gait, swings: Swings, stand_width: float, sole_half_length: float) -> None:
         self.gait, self.swings = gait, swings
         self.stand_width, self.sole_half_length = stand_width, sole_half_length
+        self.most_lag = _MAX_LAG_S * swings.speed
 
     def of_swing(
         self,
         window: HumanWindow,
         scaling: Scaling,
         side: int,
-        human_s: tuple[float, float],
+        land_s: float,
+        heading_s: tuple[float, float],
         feet: Float,
         human_feet: Float,
         seconds: float,
@@ -84,7 +94,7 @@ class Footholds:
         the frame that has turned, further with each step. Then it turns less.
 
         Args:
-            human_s: source times at which the human's foot lifts and lands [s].
+            land_s, heading_s: as in `target`.
             feet: poses of both feet before the step, (2, 4) [m, m, m, rad].
             human_feet: positions of the human's feet that these represent, (2, 2) [m].
             seconds: duration of the swing [s].
@@ -92,10 +102,11 @@ class Footholds:
         start, stance = feet[side], feet[1 - side]
         for share in _TURN_SHARES:
             turn = (float(start[3]), share)
-            wanted = self.target(window, scaling, side, *human_s, stance, human_feet[1 - side], seconds, turn)
-            found = Foothold(self.swings.farthest(side, start, wanted.pose, seconds), wanted.human)
+            wanted = self.target(window, scaling, side, land_s, heading_s, stance, human_feet[1 - side], seconds, turn)
+            pose = self.swings.farthest(side, start, wanted.pose, seconds)
+            found = replace(wanted, pose=pose, human=wanted.human + self._on_ground(scaling, wanted, pose))
             in_time = self.swings.shortest_s(side, start, found.pose) <= seconds + 1e-6
-            ahead = _ahead(stance, found.pose)
+            ahead = ahead_of(stance, found.pose)
             if in_time and abs(ahead) <= self.swings.stride(seconds, ahead < 0.0) + _STRIDE_TOLERANCE:
                 break
         return found
@@ -105,8 +116,8 @@ class Footholds:
         window: HumanWindow,
         scaling: Scaling,
         side: int,
-        lift_s: float,
         land_s: float,
+        heading_s: tuple[float, float],
         stance: Float,
         human_stance: Float,
         seconds: float,
@@ -115,8 +126,9 @@ class Footholds:
         """Foothold of foot `side` relative to the robot's other foot, within the stance limits of the gait.
 
         Args:
-            lift_s, land_s: source time of the human's swing [s]. The mean yaw of the pelvis between them is the
-                heading, since the pelvis oscillates once a stride.
+            land_s: source time at which the foot takes the place of the human's foot [s].
+            heading_s: source times between which the mean yaw of the human's pelvis is the heading [s]: the pelvis
+                oscillates once a stride.
             stance: pose of the other foot, (4,) [m, m, m, rad].
             human_stance: position of the human's other foot when the robot's was put down for it, (2,) [m]: a foot that
                 slides while it stands moves the human, so it must move the robot. NaN: its position at `land_s`.
@@ -124,10 +136,10 @@ class Footholds:
             turn: yaw of the foot before the swing [rad], and the share of the turn from there that this step makes.
         """
         gait = self.gait
-        human = window.foot(side, land_s)
-        if np.isnan(human_stance).any():
-            human_stance = window.foot(1 - side, land_s)
-        human_yaw = window.mean_heading(lift_s, land_s)
+        human = window.place(side, land_s)
+        beside = window.left(1 - side, land_s)
+        human_yaw = window.mean_heading(*heading_s)
+        human_stance = beside if np.isnan(human_stance).any() else human_stance
         inward = -1.0 if side == 0 else 1.0
         askew = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
         # Toes that turn in meet the other foot sooner than toes that turn out.
@@ -138,7 +150,14 @@ class Footholds:
         cos, sin = np.cos(human_yaw), np.sin(human_yaw)
         dx, dy = human[:2] - human_stance[:2]
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
-        forward *= gait.stride_factor * scaling.ratio
+        behind = beside - human_stance
+        lag, before = (_along(behind, yaw) for yaw in (human_yaw, stance[3] - scaling.heading))
+        if lag * before < 0.0:
+            # Who has turned about walks to where the robot is, which would meet it walking backward.
+            forward -= lag
+        scale = gait.stride_factor * scaling.ratio
+        forward *= scale
+        asked = forward
         longest = max(self.swings.stride(seconds, forward < 0.0), 1e-6)
         forward = float(np.clip(forward, -longest, longest))
         wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
@@ -146,21 +165,34 @@ class Footholds:
         narrowest = gait.lateral[0] + self.sole_half_length * abs(np.sin(askew))
         widest = max(narrowest, gait.lateral[1])
         apart = np.clip(wanted, narrowest, widest)
-        # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both.
-        aside = (apart - narrowest) / max(widest - narrowest, 1e-6)
-        stretch = max(float(np.hypot(forward / longest, aside)), 1.0)
-        forward, apart = forward / stretch, narrowest + (apart - narrowest) / stretch
+        # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both, what is aside first.
+        ahead, aside = abs(forward) / longest, (apart - narrowest) / max(widest - narrowest, 1e-6)
+        if ahead * ahead + aside * aside > 1.0:
+            reached = max(ahead / float(np.hypot(ahead, aside)), min(ahead, _AHEAD_FIRST))
+            forward, apart = forward * reached / ahead, narrowest + (widest - narrowest) * np.sqrt(1.0 - reached**2)
         # In sidesteps the feet soon meet each other: the rest of the way is left to the next step of the other foot.
         carry = np.clip(-inward * (apart - wanted) / scaling.ratio, -_MAX_CARRY, _MAX_CARRY)
-        human = human[:2] + carry * np.array([-sin, cos])
+        short = np.clip(asked - forward, -self.most_lag, self.most_lag) / scale
+        human = human + carry * np.array([-sin, cos]) - short * np.array([cos, sin])
         frame = stance[3] + 0.5 * askew
         cos, sin = np.cos(frame), np.sin(frame)
         sideways = -inward * apart
         x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
-        return Foothold(np.array([x, y, 0.0, yaw]), human)
+        return Foothold(np.array([x, y, 0.0, yaw]), human, frame - human_yaw)
+
+    def _on_ground(self, scaling: Scaling, wanted: Foothold, pose: Float) -> Float:
+        """How far on the human's ground a pose of the foot is from the one that was wanted, (2,) [m]."""
+        x, y = (pose - wanted.pose)[:2] / (self.gait.stride_factor * scaling.ratio)
+        cos, sin = np.cos(wanted.bearing), np.sin(wanted.bearing)
+        return np.array([cos * x + sin * y, cos * y - sin * x])
 
 
-def _ahead(stance: Float, pose: Float) -> float:
+def _along(way: Float, yaw: float) -> float:
+    """Part of a way (2,) in the direction of a yaw."""
+    return float(np.cos(yaw) * way[0] + np.sin(yaw) * way[1])
+
+
+def ahead_of(stance: Float, pose: Float) -> float:
     """How far a foot is ahead of the other foot, in the frame midway between both [m]."""
     yaw = 0.5 * (stance[3] + pose[3])
     return float(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1]))

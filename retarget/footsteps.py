@@ -1,8 +1,9 @@
 """Which steps the robot makes, when, and where to: those of the human, at the human's time, as far as its legs allow.
 
 A step lifts when the human's foot lifts, or as soon as the robot's other foot has landed and carries the weight. It
-lands with the human's foot, or when the robot's foot can be there. Where a human turns or slides on planted feet, the
-robot cannot: steps are inserted, one foot after the other, until its feet agree with the human's again.
+lands with the human's foot, or when the robot's foot can be there. A robot that lags behind its human steps in its own
+cadence until it has caught up (`cadence.py`). Where a human turns or slides on planted feet, the robot cannot: steps
+are inserted, one foot after the other, until its feet agree with the human's again.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.cadence import Cadence, OwnStep
 from flexmotion.retarget.footholds import Footholds
+from flexmotion.retarget.human import Swing
 from flexmotion.retarget.human_steps import is_consumed, is_step
 from flexmotion.retarget.step_timing import INSERTED_SWING_S, StepTiming
 from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Step
@@ -26,6 +29,8 @@ INSERT_YAW, INSERT_DISTANCE = 0.26, 0.045
 """Feet further than this from their footholds are corrected by an inserted step [rad, m of the robot]."""
 EXACT_YAW = 0.06
 """Likewise, of a human that looks where the robot's feet are to point: what a plan for it corrects [rad]."""
+_MOST_OWN = 8
+"""Steps of the robot's own cadence in a row in one plan, at most."""
 _BESIDE_DISTANCE, _BESIDE_YAW = 0.015, 0.09
 """Feet nearer than this to standing side by side are left as they are at the end of a plan [m, rad]."""
 
@@ -65,6 +70,7 @@ class FootstepPlanner:
     def __init__(self, gait: Gait, swings: Swings, stand_width: float, sole_half_length: float, rate_hz: float) -> None:
         self.swings, self.footholds = swings, Footholds(gait, swings, stand_width, sole_half_length)
         self.timing = StepTiming(gait, swings, rate_hz)
+        self.cadence = Cadence(self.footholds, self.timing)
         self.sight_s = UNHURRIED_S + INSERTED_SWING_S + gait.double_support_min_s
         """How far ahead the human must be known for a step to be inserted [s]."""
 
@@ -87,20 +93,30 @@ class FootstepPlanner:
             side = swing.side
             if is_consumed(swing, float(made.consumed[side])) or not is_step(window, swing):
                 continue
-            lift = max(view.tick_at(swing.lift_s), int(made.free[side]))
-            if lift >= end:
+            if made.lift(view, swing) >= end:
                 break
+            self._catch_up(view, made, insertable, swing)
+            if is_consumed(swing, float(made.consumed[side])):
+                continue
+            lift = made.lift(view, swing)
             if timing.is_too_late(view, swing, lift):
                 dropped += 1
-                made.consumed[side], made.human_feet[side] = swing.land_s, window.foot(side, swing.land_s)[:2]
+                made.consumed[side] = swing.land_s
                 continue
             self._insert(view, made, insertable, timing.landed_by(side, lift))
             lift = max(lift, int(made.free[side]))
             land = timing.landing(view, swing, lift)
             # A swing whose landing is not in the window is used up when the robot's foot has landed.
             consumed_s = swing.land_s if swing.landed else max(swing.land_s, view.second_at(land))
-            made.add(self._step(view, made, side, (lift, land), (swing.lift_s, swing.land_s), consumed_s, dropped))
+            human_s = swing.land_s, (swing.lift_s, swing.land_s)
+            step = self._step(view, made, side, (lift, land), human_s, consumed_s, dropped)
+            if self.cadence.falls_short(view, swing, step.human):
+                own = self.cadence.step(view, side, lift, made.feet, made.human_feet, least_way=0.0)
+                step = replace(self._own(view, made, own), dropped=dropped) if own is not None else step
+            made.add(step)
             dropped = 0
+        # What the human leaves undone when its frames end, the robot does before it stops.
+        self._catch_up(view, made, insertable)
         self._insert(view, made, insertable, np.full(2, float(end - timing.pause)))
         if made.steps and not start.settled:
             made.steps[0] = replace(made.steps[0], notice_s=max(notice_s, made.steps[0].notice_s))
@@ -130,6 +146,39 @@ class FootstepPlanner:
         last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
 
+    def _catch_up(self, view: HumanView, made: _Sequence, unhurried: int, swing: Swing | None = None) -> None:
+        """Add steps of the robot's own cadence for as long as the robot lags behind its human.
+
+        Args:
+            unhurried: tick from which steps may lift where the weight is at rest between the feet.
+            swing: human swing before whose step they lift, if none of them is made for it. None: they are the last of
+                the plan, also after the human's frames where those have ended.
+        """
+        cadence = self.cadence
+        before = float(view.tick_at(view.window.end_s)) if view.whole else np.inf
+        enough = cadence.least_lag if view.whole or swing is not None else cadence.last_lag
+        for _ in range(_MOST_OWN):
+            if swing is not None:
+                before = made.lift(view, swing)
+                if is_consumed(swing, float(made.consumed[swing.side])):
+                    return
+            lift, notice_s = int(np.ceil(made.free.min())), NOTICE_S
+            if lift > made.landed + self.timing.ticks(NOTICE_S):
+                lift, notice_s = max(lift, unhurried), UNHURRIED_S
+            second = view.second_at(lift)
+            if lift >= before or abs(cadence.lag(view, made.human_feet, second)) < enough:
+                return
+            rested = made.free <= lift
+            side = cadence.rear_foot(view, made.human_feet, second) if rested.all() else int(np.argmax(rested))
+            own = cadence.step(view, side, lift, made.feet, made.human_feet)
+            if own is None:
+                return
+            made.add(replace(self._own(view, made, own), notice_s=notice_s))
+
+    def _own(self, view: HumanView, made: _Sequence, own: OwnStep) -> Step:
+        """A step of the robot's own cadence."""
+        return self._step(view, made, own.side, (own.lift, own.land), (own.land_s, own.heading_s), own.consumed_s)
+
     def _insert(self, view: HumanView, made: _Sequence, earliest: int, landed_by: Float) -> None:
         """Add steps that correct the feet, if there is time for them.
 
@@ -158,7 +207,7 @@ class FootstepPlanner:
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
             land = lift + ticks
             # The human of another clip may stand in the opposite stride: the next step, of either foot, does the rest.
-            step = self._step(view, made, side, (lift, land), (second, second), float(made.consumed[side]))
+            step = self._step(view, made, side, (lift, land), (second, (second, second)), float(made.consumed[side]))
             made.add(replace(step, inserted=True, notice_s=UNHURRIED_S))
             free = np.maximum(made.free, earliest)
             lift = land + self.timing.pause
@@ -171,7 +220,7 @@ class FootstepPlanner:
                 view.scaling,
                 side,
                 second,
-                second,
+                (second, second),
                 made.feet[1 - side],
                 made.human_feet[1 - side],
                 INSERTED_SWING_S,
@@ -189,14 +238,18 @@ class FootstepPlanner:
         made: _Sequence,
         side: int,
         ticks: tuple[int, int],
-        human_s: tuple[float, float],
+        human_s: tuple[float, tuple[float, float]],
         consumed_s: float,
         dropped: int = 0,
     ) -> Step:
-        """A step of foot `side` between two loop ticks, towards its foothold for a human swing [s]."""
+        """A step of foot `side` between two loop ticks.
+
+        Args:
+            human_s: source times of the foothold, `land_s` and `heading_s` of `Footholds.target`.
+        """
         lift, land = ticks
         seconds = (land - lift) / view.rate_hz
-        hold = self.footholds.of_swing(view.window, view.scaling, side, human_s, made.feet, made.human_feet, seconds)
+        hold = self.footholds.of_swing(view.window, view.scaling, side, *human_s, made.feet, made.human_feet, seconds)
         return Step(side, lift, land, made.feet[side].copy(), hold.pose, consumed_s, dropped, human=hold.human)
 
 
@@ -213,12 +266,18 @@ class _Sequence:
         self.steps: list[Step] = []
         self.feet, self.human_feet, self.consumed = start.feet.copy(), start.human_feet.copy(), start.consumed.copy()
         self.free = np.maximum(start.free, earliest)
+        self.landed = float(start.free.min()) - timing.pause
         for step in start.settled:
             self.add(step)
+
+    def lift(self, view: HumanView, swing: Swing) -> int:
+        """Tick at which the step for a human swing lifts, at the earliest."""
+        return max(view.tick_at(swing.lift_s), int(self.free[swing.side]))
 
     def add(self, step: Step) -> None:
         """Append a step."""
         self.steps.append(step)
         self.feet[step.side], self.human_feet[step.side] = step.target, step.human
         self.consumed[step.side] = max(self.consumed[step.side], step.consumed_s)
+        self.landed = float(step.land)
         self.free = np.maximum(self.free, self.timing.free(step.side, step.land))

@@ -102,6 +102,20 @@ class HumanWindow:
         """Ground pose x, y, yaw of a foot, (3,) [m, m, rad]."""
         return self.at(self.feet[:, side], np.array([second]))[0]
 
+    def place(self, side: int, second: float) -> Float:
+        """Position of a foot on the ground, (2,) [m]: of one that swings, where it lands, if that is in the window."""
+        for swing in self.swings:
+            if swing.side == side and swing.landed and swing.lift_s <= second < swing.land_s:
+                second = swing.land_s
+        return self.foot(side, second)[:2]
+
+    def left(self, side: int, second: float) -> Float:
+        """Position of a foot on the ground, (2,) [m]: of one that swings, where it lifted, if that is in the window."""
+        for swing in self.swings:
+            if swing.side == side and swing.lift_s <= second < swing.land_s:
+                second = swing.lift_s
+        return self.foot(side, second)[:2]
+
     def mean_heading(self, start_s: float, end_s: float) -> float:
         """Mean yaw of the pelvis between two source times [rad]."""
         rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)

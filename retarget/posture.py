@@ -31,7 +31,7 @@ _WALKING_PITCH = 0.60
 """Bound of the pitch forward near steps [rad]."""
 _WALKING_TILT = 0.35
 """Share of the human's trunk tilt that the robot follows near steps."""
-_TWIST = 0.35
+_TWIST = 0.5
 """Bound of the torso's yaw relative to the feet [rad]."""
 _STANDING_SHARE = (0.3, 0.7)
 """Bounds of the load share that follows the human's sway in double support."""

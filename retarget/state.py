@@ -59,6 +59,8 @@ class RetargetState(Record):
     """State of the contact detector."""
     ease: Float = column("f8", 2)
     """Pace of the human's clock and size of its motion with which the next plan begins; 1 and 1: nothing is eased."""
+    drift: Float = column("f8")
+    """Turn of the robot beyond its plans that `heading` takes account of [rad]; NaN before the first human frame."""
 
 
 @dataclass(frozen=True)
@@ -97,4 +99,5 @@ class StateLayout:
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
         state.ease[...] = 1.0
+        state.drift[...] = np.nan
         return vector

@@ -33,6 +33,8 @@ _FINE = np.linspace(1.0, 0.0, 65)
 """Shares of a travel that are tried for the greatest one."""
 _FAST, _SLOW = 0.98, 0.8
 """Shares of the robot's best speed in a steady walk: of its longest stride, and of its shortest swing."""
+_BRISK = 0.89, 0.92, 0.94
+"""Shares of it in a steady walk with room for disturbances: of its shortest swing, its best and its longest."""
 _LONGEST_S = 2.0
 """Longest swing [s]."""
 _OUTLINE = np.linspace(0.0, 1.0, 129)
@@ -136,10 +138,25 @@ class Swings:
         travels, shortest = self._straight(backward)
         return 0.5 * float(np.interp(seconds, shortest, travels, left=0.0))
 
+    def stride_s(self, ahead: float) -> float:
+        """Duration of the shortest swing with which one foot may be so far ahead of the other in a steady walk [s].
+
+        Args:
+            ahead: negative: behind [m].
+        """
+        travels, shortest = self._straight(ahead < 0.0)
+        return float(np.interp(2.0 * abs(ahead), travels, shortest))
+
     @property
     def longest_stride(self) -> float:
         """The stride of a steady walk that is nearly as fast as the robot can walk [m]."""
         return self._steady(_FAST)[0]
+
+    @property
+    def brisk_s(self) -> tuple[float, float, float]:
+        """Shortest, best and longest swing of fast walks that leave room for disturbances [s]."""
+        shortest, best, longest = (self._steady(share)[1] for share in _BRISK)
+        return shortest, best, longest
 
     @property
     def speed(self) -> float:
@@ -152,7 +169,7 @@ class Swings:
         """Shortest swing that is made [s]: shorter ones get the robot nowhere."""
         return self._steady(_SLOW)[1]
 
-    @lru_cache(maxsize=4)  # noqa: B019 - the table is read-only and lives as long as the robot
+    @lru_cache(maxsize=8)  # noqa: B019 - the table is read-only and lives as long as the robot
     def _steady(self, share: float) -> tuple[float, float]:
         """Stride [m] and swing [s] of the steady walk of shortest strides that has this share of the best speed."""
         travels, shortest = self._straight(False)

@@ -17,6 +17,9 @@ from flexmotion.retarget.state import RetargetState
 
 Float = NDArray[np.float64]
 
+_MOST_DRIFT = 0.2
+"""Most that a robot drifts from its plan's heading between two plans [rad]."""
+
 
 @dataclass(frozen=True)
 class HumanView:
@@ -148,9 +151,26 @@ def forget_human(state: RetargetState) -> None:
     state.human_feet[...] = state.steps.human[...] = np.nan
 
 
+def follow_drift(state: RetargetState, drift: float) -> None:
+    """Let the robot turn back by what it has turned beyond its plans since the plan before: its heading is the human's.
+
+    A robot that has been turned by much at once, as by hands, goes on from there.
+
+    Args:
+        state: where a plan resumes; it is updated.
+        drift: turn of the robot beyond its plans, up to a constant [rad]; NaN: not known.
+    """
+    if np.isnan(drift):
+        return
+    turned = drift - float(state.drift)
+    if abs(turned) < _MOST_DRIFT:
+        state.heading[...] -= turned
+    state.drift[...] = drift
+
+
 def begin_human(state: RetargetState) -> None:
     """Let the next human be another one, whose time begins anew: for a robot that stands."""
     forget_human(state)
-    state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
+    state.source_tick[...] = state.heading[...] = state.yaws[...] = state.drift[...] = np.nan
     state.consumed[...] = -np.inf
     state.detector[...] = ContactDetector().initial()

@@ -80,7 +80,6 @@ def dry_run(
             from flexmotion.streamer.commands.driver_options import simulation_options
             from flexmotion.streamer.commands.streaming import present, stream
             from flexmotion.streamer.motion.replan_noise import NoisySource
-            from flexmotion.streamer.motion.sources import Performance
 
             settings = load_stream(run.settings)
             chosen = open_robot(robot)
@@ -97,7 +96,7 @@ def dry_run(
                 settings,
                 clock=clock or ("real" if run.view or run.listens or motion.mirrors else "lockstep"),
                 seed=motion.seed,
-                seconds=None if stay else source.seconds if isinstance(source, Performance) else run.seconds,
+                seconds=run.streamed_s(source, stay=stay),
                 stay=stay,
                 mirror=motion.mirror_from(run.token_file),
             )

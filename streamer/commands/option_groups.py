@@ -224,6 +224,20 @@ class RunOptions:
             gamepad=self.gamepad,
         )
 
+    def streamed_s(self, source: Source, *, stay: bool) -> float | None:
+        """How much of a source a run streams at most [s]; None: what there is.
+
+        After a whole clip the robot goes on to where the human is by then, for as long as its report takes account of.
+        """
+        from flexmotion.streamer.motion.sources import ClipSource, Performance
+        from flexmotion.streamer.report.metrics import STANDS_AGAIN_S
+
+        if stay:
+            return None
+        if isinstance(source, ClipSource) and self.seconds is None:
+            return source.seconds + STANDS_AGAIN_S
+        return source.seconds if isinstance(source, Performance) else self.seconds
+
     def session(
         self,
         driver: Driver,

@@ -66,7 +66,6 @@ def run(
             from flexmotion.streamer.api import open_driver, open_robot
             from flexmotion.streamer.commands.driver_options import parse_options
             from flexmotion.streamer.commands.streaming import present, stream
-            from flexmotion.streamer.motion.sources import Performance
 
             settings = load_stream(run.settings)
             stay = clock == "real" and not once and run.seconds is None
@@ -83,7 +82,7 @@ def run(
                 settings,
                 clock=clock,
                 seed=motion.seed,
-                seconds=None if stay else source.seconds if isinstance(source, Performance) else run.seconds,
+                seconds=run.streamed_s(source, stay=stay),
                 stay=stay,
                 armed=not run.listens,
                 mirror=motion.mirror_from(run.token_file),

@@ -13,7 +13,7 @@ from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.retarget.view import begin_human
+from flexmotion.retarget.view import begin_human, follow_drift
 from flexmotion.sampling.blend import take_over
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.sources import Source
@@ -57,6 +57,7 @@ class Planner:
         stop: bool = False,
         partial: bool = False,
         exact: bool = False,
+        drift: float = np.nan,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
     ) -> Planned:
@@ -67,6 +68,7 @@ class Planner:
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
             exact: the feet turn to where the human looks by small steps too.
+            drift: how far the robot has turned beyond its plans, up to a constant [rad]; NaN: not known.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
                 which the plan joins in fact, not before `join`, and the plan that plays until then. None: as given.
@@ -96,6 +98,8 @@ class Planner:
         ended = motion is None or len(motion) < frames
         if motion is not None and current is not None and current.human is not None:
             motion = take_over(current.human, current.human_first_frame, motion, first, self._blend_frames)
+        state = state.copy()
+        follow_drift(retargeter.layout.view(state), drift)
         plan = retargeter.plan(state, motion, first, join, horizon=horizon, exact=exact, checkpoint=checkpoint)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")

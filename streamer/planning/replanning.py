@@ -23,6 +23,7 @@ from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.ease_notes import EaseNote, EaseNotes
+from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.mirroring import Mirroring
@@ -79,6 +80,7 @@ class Replanner:
             change_s=settings.change_s,
             lockstep=lockstep,
         )
+        self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
         self._succeeds = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
@@ -121,6 +123,7 @@ class Replanner:
         row = self._newest_row()
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
+        self._drift.update(row)
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
@@ -158,6 +161,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
+                drift=self._drift.value,
                 checkpoint=partial(self._check_urgency, kind, target, new),
                 settle=None if self._lockstep else settle,
             )

@@ -140,6 +140,7 @@ class MotionFigures:
     Attributes:
         robot_went: displacement from the source's first frame until the robot stands again.
         human_went: displacement of the human over the part that was followed, scaled to the robot's legs.
+        behind_m: how far from there the robot was with the source's last frame: its lag.
     """
 
     fell: bool
@@ -150,6 +151,7 @@ class MotionFigures:
     net_path_ratio: float | None
     robot_went: Displacement | None
     human_went: Displacement | None
+    behind_m: float | None
     heading_rms_rad: float | None
     hand_error_share: float | None
     self_collisions: int | None
@@ -265,7 +267,7 @@ def motion_figures(
     tracking = tracking_error(np.where(playing[:, None], q_ref, np.nan), q, max_lag=int(MAX_LAG_S * record.rate_hz))
     slip = foot_slip(record.true_foot_velocity[rows][playing], record.true_foot_force[rows][playing], robot.weight)
 
-    path_ratio = heading_error = robot_went = human_went = None
+    path_ratio = heading_error = robot_went = human_went = behind = None
     compared = playing & known
     if compared.any():
         # The robot's path ends where it comes to a stand, so that it includes the human's last step.
@@ -277,6 +279,8 @@ def motion_figures(
         if human is not None:
             human_position, human_heading = human.at(record.source_s[rows][compared])
             human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
+            until = Displacement.of(base[compared, :3], continuous_heading(base[compared, 3:]))
+            behind = float(np.hypot(human_went.ahead_m - until.ahead_m, human_went.left_m - until.left_m))
             path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
             heading_error = heading_rms(continuous_heading(base[compared, 3:]), human_heading)
 
@@ -289,6 +293,7 @@ def motion_figures(
         net_path_ratio=path_ratio,
         robot_went=robot_went,
         human_went=human_went,
+        behind_m=behind,
         heading_rms_rad=heading_error,
         hand_error_share=hand_error_share(record.hand_error[rows][playing], robot.arm_length),
         self_collisions=(

@@ -116,6 +116,7 @@ class MotionSection(Section):
     net_path_ratio: Maybe
     robot_went: DisplacementSection | None
     human_went: DisplacementSection | None
+    behind_m: Maybe
     heading_rms_rad: Maybe
     human_steps: int
     steps_planned: int

@@ -132,6 +132,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
         ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
         ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
+        ("behind", show(m.behind_m, "m", 1.0, 2), "the human's place, scaled, with the source's last frame"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
         ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
         ("steps", f"{m.steps_planned}", steps),

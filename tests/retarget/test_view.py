@@ -11,7 +11,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.state import RetargetState
 from flexmotion.retarget.steps import Step, pack_steps
-from flexmotion.retarget.view import HumanView, forget_human, view_human
+from flexmotion.retarget.view import HumanView, begin_human, follow_drift, forget_human, view_human
 
 from .conftest import RATE
 
@@ -88,3 +88,22 @@ def test_after_a_stop_the_feet_represent_none_of_the_humans(state: RetargetState
     (kept,) = state.steps.steps()
     assert np.isnan(kept.human).all()
     assert (kept.side, kept.lift, kept.land, kept.consumed_s) == (0, 10, 60, 1.0)
+
+
+def test_the_heading_takes_back_what_the_robot_turned_beyond_its_plans(state: RetargetState, walk: Motion) -> None:
+    look(state, walk)
+    begun = float(state.heading)
+    for drift, heading in ((0.3, begun), (0.35, begun - 0.05), (np.nan, begun - 0.05), (0.25, begun + 0.05)):
+        follow_drift(state, drift)  # the first one is only where it counts from
+        assert float(state.heading) == pytest.approx(heading)
+
+
+def test_a_robot_that_was_turned_by_hands_goes_on_from_there(state: RetargetState, walk: Motion) -> None:
+    look(state, walk)
+    begun = float(state.heading)
+    for drift in (0.0, 1.5, 1.52):
+        follow_drift(state, drift)
+    assert float(state.heading) == pytest.approx(begun - 0.02)
+    begin_human(state)
+    follow_drift(state, 0.7)
+    assert np.isnan(float(state.heading)) and float(state.drift) == 0.7

@@ -9,7 +9,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from flexmotion.streamer.commands.option_groups import grouped
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.commands.option_groups import RunOptions, grouped
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.report.metrics import STANDS_AGAIN_S
 
 
 @dataclass(frozen=True)
@@ -58,3 +61,11 @@ def test_a_group_in_a_union_is_an_error_where_it_is_declared() -> None:
 
     with pytest.raises(TypeError, match="wrong: options: a group of options cannot be optional or in a union"):
         grouped(wrong)
+
+
+def test_a_whole_clip_leaves_time_to_catch_up_and_a_part_of_it_ends_at_its_time() -> None:
+    """A run stopped with the last frame: a robot that lagged behind could not go on to the human's place."""
+    clip = ClipSource(default_clip())
+    assert RunOptions().streamed_s(clip, stay=False) == clip.seconds + STANDS_AGAIN_S
+    assert RunOptions(seconds=2.0).streamed_s(clip.cut(2.0), stay=False) == pytest.approx(2.0, abs=1.0 / clip.fps)
+    assert RunOptions(seconds=2.0).streamed_s(clip, stay=True) is None

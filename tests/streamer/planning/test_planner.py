@@ -13,6 +13,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.control.estimator import yaw_of
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.planning.planner import Planner
@@ -186,3 +187,15 @@ def test_a_human_looks_where_the_feet_point_once_the_robot_stands(planner: Plann
     last.feet[1, 3] += 0.3
     turned = planner.human_yaw(len(current), replace(current, states=states))
     assert before is not None and turned == pytest.approx(before + 0.3, abs=1e-6)
+
+
+@pytest.mark.parametrize("turned", [-0.1, 0.1])
+def test_a_robot_that_has_turned_beyond_its_plan_turns_back(planner: Planner, turned: float) -> None:
+    """Soles slip: after a walk of 10 s the robot looked up to 7° aside of its human."""
+    headings = []
+    for drift in (0.0, turned):
+        plan = planner.plan(0, None).plan
+        for join, measured in ((31, 0.0), (62, drift)):
+            plan = planner.plan(join, plan, drift=measured).plan
+        headings.append(yaw_of(plan.base[plan.stop_row - 1, 3:]))
+    assert headings[1] - headings[0] == pytest.approx(-turned, abs=0.02)

@@ -129,8 +129,20 @@ def test_figures_of_a_run(record: RunTrace, figures: RobotFigures, human: HumanT
     assert np.hypot(*ways[0]) == pytest.approx(np.hypot(*ways[1]))
     assert ways[1][1] == pytest.approx(-np.tan(1.0) * ways[1][0])
     assert found.robot_went.turned_rad == pytest.approx(found.human_went.turned_rad, abs=0.02)  # it turns on to the end
+    assert found.behind_m == pytest.approx(2.0 * np.sin(0.5) * np.hypot(*ways[1]), rel=0.01)
     assert found.hand_error_share == pytest.approx(0.05)
     assert found.self_collisions == 0
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_a_robot_that_goes_part_of_the_way_is_the_rest_behind(
+    record: RunTrace, figures: RobotFigures, human: HumanTrack, share: float
+) -> None:
+    record.true_base[:, :2] = share * record.true_base[:, :2]
+    found = motion_figures(record, figures, replace(human, heading=human.heading * 0.0), should_stand=standing(record))
+    assert found.human_went is not None
+    way = np.hypot(found.human_went.ahead_m, found.human_went.left_m)
+    assert found.behind_m == pytest.approx((1.0 - share) * way, abs=0.02 * way)
 
 
 def test_what_follows_a_fall_does_not_count(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
