@@ -18,6 +18,9 @@ from flexmotion.text.listener import Listener
 
 ARRAYS, DENOISER, DECODER = "arrays.npz", "denoiser.onnx", "decoder.onnx"
 
+CONTROL = "control.onnx"
+"""Optional network: the denoiser with a control branch, whose further inputs are constraints and their mask."""
+
 JACOBIAN = "jacobian"
 """Optional array: derivatives of decoded motion by the latent, (W, columns of `root` and `rotations`, L)."""
 
@@ -95,6 +98,11 @@ class Bundle:
     def rest(self) -> np.ndarray:
         """Features of a standing human, not normalised, (frames, F)."""
         return self.arrays["rest"].astype(np.float32)
+
+    @property
+    def has_control(self) -> bool:
+        """Whether it has a control branch."""
+        return CONTROL in self.manifest.files
 
     @property
     def jacobian(self) -> np.ndarray | None:

@@ -48,6 +48,18 @@ TOLERANCES: dict[str, float] = {
 """Error of each block that counts as one standard deviation of a latent, in its units: with a leg of .9 m and 70 kg
 about 1 cm, 1 degree, 5 mm, 6 N·m, 3 N·m, 35 N, 2 cm, 5 % of a muscle."""
 
+SCALES: dict[str, float] = {
+    PATH: 1.0,
+    ROTATIONS: 0.5,
+    PLACES: 0.5,
+    TORQUES: 0.05,
+    TORQUE_LIMITS: 0.05,
+    FORCES: 0.5,
+    CENTRES: 0.5,
+    ACTIVATIONS: 0.2,
+}
+"""About the spread of each block in the data, in its units: a network gets values over it."""
+
 FIRM = 0.05
 """Least share of body weight on a foot that has a centre of pressure."""
 
@@ -80,7 +92,15 @@ class ConstraintLayout:
     @cached_property
     def tolerances(self) -> tuple[float, ...]:
         """Tolerance of every column, (C,)."""
-        sizes = ((TOLERANCES[name], cut.stop - cut.start) for name, cut in self.blocks.items())
+        return self._of_columns(TOLERANCES)
+
+    @cached_property
+    def scales(self) -> tuple[float, ...]:
+        """Scale of every column, (C,)."""
+        return self._of_columns(SCALES)
+
+    def _of_columns(self, table: dict[str, float]) -> tuple[float, ...]:
+        sizes = ((table[name], cut.stop - cut.start) for name, cut in self.blocks.items())
         return tuple(value for value, size in sizes for _ in range(size))
 
 

@@ -20,7 +20,8 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.low_pass import steadied
-from flexmotion.sampling.planted import Holding, planted_holding
+from flexmotion.sampling.planted import Holding, lifted, planted_holding
+from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
@@ -64,6 +65,22 @@ class Draft:
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
         motion, holding = planted_holding(decoded, self.history)
         return motion if self.rest is None else at_rest(motion, self.rest), holding
+
+    def sketched(self, features: Float32) -> tuple[WindowPose, Holding | None]:
+        """Kinematics of the planted window without its motion, in a third of the time: legs are not stretched."""
+        pose = WindowPose.of_features(features, self.layout, self.body)
+        feet, contacts = (
+            np.concatenate([self._feet_before, pose.feet]),
+            features[:, self.layout.blocks["contacts"]] > 0.5,
+        )
+        holding = Holding.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps)
+        lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
+        return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
+
+    @cached_property
+    def _feet_before(self) -> Float:
+        """Heel and toe of both feet in the last known frame, in the frame of the window, (1, 2, 2, 3) [m]."""
+        return WindowPose.of(self.history[len(self.history) - 1 :], self.anchor).feet
 
     def delivered(self, motion: Motion, found: Float32, constraints: Constraints | None = None) -> Delivered:
         """A planted window as it is handed on.

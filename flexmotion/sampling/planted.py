@@ -67,19 +67,30 @@ def planted_holding(motion: Motion, past: Motion) -> tuple[Motion, Holding | Non
         return motion, None
     human = forward(motion)
     feet = np.concatenate([_feet(forward(past[len(past) - 1 :])), _feet(human)])
-    loaded = motion.contacts.astype(np.float64)
     height = feet[1:, ..., 2].min(axis=2)
     holding = Holding.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
     shift = holding.shift(feet)
 
-    error = np.clip(height, BELOW, ABOVE) - height
-    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
     position = motion.root_position.copy()
     position[:, :2] -= shift
-    lift = _settled(wanted, motion.fps)
+    lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
     down = _remaining(height + lift[:, None], motion.contacts)
     return lowered(replace(motion, root_position=position), down, human.hip, human.ankle), holding
+
+
+def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
+    """How far the body is raised for its loaded feet to stand on the floor, (T,) [m].
+
+    Args:
+        height: of the lower of heel and toe of both feet, (T, 2) [m].
+        contacts: feet that carry load, (T, 2).
+        fps: frames per second.
+    """
+    loaded = contacts.astype(np.float64)
+    error = np.clip(height, BELOW, ABOVE) - height
+    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
+    return _settled(wanted, fps)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
+from onnxruntime import InferenceSession
 
-from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.constraints import Constraints
@@ -19,7 +20,7 @@ from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
-from flexmotion.sampling.constraint_solver import CORRECTIONS, ConstraintSolver
+from flexmotion.sampling.constraint_solver import CORRECTIONS, UNREACHED, ConstraintSolver
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
@@ -181,7 +182,8 @@ class Sampler:
             seed: of the noise.
 
         Raises:
-            ValueError: the history is empty, or has another frame rate or body.
+            ValueError: the history is empty, or has another frame rate or body; or constraints are of another model, or
+                of what it cannot follow.
             ConfigError: a network of the bundle fails.
         """
         return self.extend(history, condition, seed).window
@@ -217,11 +219,14 @@ class Sampler:
         return Draft(self.layout, self.body, history, remembered, self.balanced, rest, self._source)
 
     def _check(self, constraints: Constraints) -> None:
-        """Raise `ValueError` where constraints are of another model."""
+        """Raise `ValueError` where constraints are of another model, or the model cannot follow them."""
         if constraints.layout.layout != self.layout or constraints.body != self.body:
             raise ValueError(f"the constraints are of another layout or body than model {self.name}'s")
         if len(constraints.mask) != self.future:
             raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {self.future}")
+        for name in () if self.bundle.has_control else UNREACHED:
+            if name in constraints.layout.blocks and constraints.mask[:, constraints.layout.blocks[name]].any():
+                raise ValueError(f"constraints of {name}: model {self.name} has no control branch, which follows them")
 
     @cached_property
     def _solver(self) -> ConstraintSolver:
@@ -280,13 +285,26 @@ class Sampler:
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
             inputs["time"][:] = now
-            found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
-            clean = found if manifest.guided else guided(found, scale, manner_scale)
+            clean = self._estimate(condition, scale, manner_scale)
             kept = self._kept[now]
             left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
             noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
         return noisy
+
+    def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
+        """The network's estimate of the clean latent from its inputs, (1, L)."""
+        asked, folder = condition.constraints, self.bundle.folder
+        if asked is not None and asked.asked and self.bundle.has_control:
+            values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
+            return run(self._controlled, folder / CONTROL, self._inputs | values)
+        found = run(self._denoiser, folder / DENOISER, self._inputs)
+        return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
+
+    @cached_property
+    def _controlled(self) -> InferenceSession:
+        """The network with its control branch, opened on first use."""
+        return open_session(self.bundle.folder / CONTROL)
 
     def meant(self, condition: Condition) -> Condition:
         """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""

@@ -19,13 +19,12 @@ from flexmotion.features.constraint_layout import PATH, PLACES, ROTATIONS, Const
 from flexmotion.features.heading_frame import yaw_matrix
 from flexmotion.features.inertialise import inertialised
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, ROTATION_SIZE, sign
-from flexmotion.features.layout import POINTS, Layout
+from flexmotion.features.layout import Layout
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import AXES, human_model
-from flexmotion.human.skeleton import SIDES
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.planted import Holding
-from flexmotion.sampling.window_pose import WindowPose, point_owners
+from flexmotion.sampling.window_pose import FEET, PELVIS, WindowPose, point_owners
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -36,9 +35,6 @@ LINEAR = (PATH, ROTATIONS, PLACES)
 
 DIFFERENCE = 0.5
 """Change of a number of the latent, which has unit variance, by which a decoder is differentiated."""
-
-PELVIS = 1
-"""The pelvis among the bodies of a human's model."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ class Tangent:
 
         Args:
             pose: the window as it is.
-            holding: how its feet were held in place; None where they were not.
+            holding: how its feet were held in place, in the frame of the window; None where they were not.
             layout: of the constraints.
             frames, columns: of the values, (R,) each; columns of the blocks `LINEAR`.
         """
@@ -133,7 +129,7 @@ class Tangent:
 
     def _path(self, pose: WindowPose, spins: _Spins, holding: Holding | None) -> Float32:
         """Derivatives of place and height [leg] and heading [rad] of the pelvis, (W, 4, L)."""
-        leg = pose.motion.body.leg
+        leg = pose.body.leg
         yaw = np.cumsum(self.root[:, 2], axis=0) / self.fps
         before = np.concatenate([[0.0], pose.yaw[:-1]]).astype(np.float32)
         yaw_before = np.concatenate([np.zeros_like(yaw[:1]), yaw[:-1]])
@@ -147,14 +143,14 @@ class Tangent:
         own = (spins.world[PELVIS][:, 2:].astype(np.float32) @ self.rotations[:, :PELVIS_SIZE])[:, 0]
         path = np.stack([np.cumsum(x, axis=0), np.cumsum(y, axis=0), self.root[:, 3], yaw + own], axis=1)
         if holding is not None:
-            feet = self._points(pose, spins, _FEET)[:, :, :2] + path[:, None, :2]
+            feet = self._points(pose, spins, np.array(FEET))[:, :, :2] + path[:, None, :2]
             feet = np.concatenate([np.zeros_like(feet[:1]), feet]).reshape(len(path) + 1, 2, 2, 2, -1)
-            path[:, :2] -= holding.turned(-pose.anchor.yaw).shift(feet)
+            path[:, :2] -= holding.shift(feet)
         return path
 
     def _points(self, pose: WindowPose, spins: _Spins, points: Indices) -> Float32:
         """Derivatives of points of the body relative to the pelvis, in the axes of the window, (W, P, 3, L) [leg]."""
-        leg, chains, frames = pose.motion.body.leg, _chain(pose.motion.body), len(pose.yaw)
+        leg, chains, frames = pose.body.leg, _chain(pose.body), len(pose.yaw)
         weights = np.zeros((frames, len(points), 3, ROTATION_SIZE))
         for row, point in enumerate(points):
             place = pose.points[:, point]
@@ -175,9 +171,6 @@ def _crossed(spin: Float, lever: Float) -> Float:
     return np.stack(
         [spin[:, 1] * z - spin[:, 2] * y, spin[:, 2] * x - spin[:, 0] * z, spin[:, 0] * y - spin[:, 1] * x], axis=1
     )
-
-
-_FEET = np.array([POINTS.index(f"{end}_{side}") for side in SIDES for end in ("heel", "toe")])
 
 
 def decoder_jacobian(decode: Callable[[Float32], Float32], size: int) -> Float32:
@@ -211,7 +204,7 @@ class _Spins:
         frames = len(pose.rotation)
         self.world: dict[int, Float] = {}
         self.kept = np.zeros((frames, ROTATION_SIZE, ROTATION_SIZE), np.float32)
-        for segment, joint in _joints(pose.motion.body).items():
+        for segment, joint in _joints(pose.body).items():
             turn = pose.rotation[:, segment]
             if joint.axis is not None:
                 self.world[segment] = (turn @ np.array(joint.axis))[..., None]
@@ -220,7 +213,7 @@ class _Spins:
             if segment == PELVIS:
                 own = yaw_matrix(-pose.yaw) @ turn
             else:
-                parent = int(human_model(pose.motion.body).model.body_parentid[segment])
+                parent = int(human_model(pose.body).model.body_parentid[segment])
                 own = pose.rotation[:, parent].swapaxes(-1, -2) @ turn
             y, z, none = own[..., 1], own[..., 2], np.zeros((frames, 3))
             local = np.stack(
