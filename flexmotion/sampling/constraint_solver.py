@@ -21,7 +21,8 @@ from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
 from flexmotion.sampling.delivery import Delivered
 from flexmotion.sampling.draft import Draft
-from flexmotion.sampling.tangent import LINEAR, Tangent
+from flexmotion.sampling.tangent import Tangent
+from flexmotion.sampling.window_change import LINEAR
 from flexmotion.sampling.window_pose import WindowPose
 
 Float = NDArray[np.float64]
@@ -67,7 +68,7 @@ class ConstraintSolver:
             draft: of the window.
             decode: features of a latent, (1, L) -> (W, F), not normalised.
             latent: that was sampled, (1, L).
-            constraints: what is asked; values beyond `tangent.LINEAR` are left to the decoder.
+            constraints: what is asked; values beyond `window_change.LINEAR` are left to the decoder.
             steps: corrections. The last one sees the window as it is handed on, decoded anew, so that forces and
                 contacts are those of the motion but for a last small change; those before it see a sketch of it.
         """
@@ -90,10 +91,10 @@ class ConstraintSolver:
                 holding = None if held is None else held.turned(-draft.anchor.yaw)
             else:
                 pose, holding = draft.sketched(features)
-            jacobian = self._tangent.jacobian(pose, holding, self._constraints, frames, columns)
+            jacobian = self._tangent.at(pose, holding).jacobian(self._constraints, frames, columns)
             jacobian *= weight[:, None].astype(np.float32)
-            residual = weight * (asked - pose.values(self._constraints)[frames, columns])
-            change = change + _step(jacobian, residual.astype(np.float32))
+            residual = (weight * (asked - pose.values(self._constraints)[frames, columns])).astype(np.float32)
+            change = (change + _step(jacobian, residual)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)
         motion, _ = draft.planted(features)
         return draft.delivered(motion, found + self._tangent.travel(change - decoded, self._layout), constraints)

@@ -125,6 +125,12 @@ class WindowPose:
         """Heel and toe of left and right foot, (W, 2, 2, 3) [m]."""
         return self.points[:, FEET].reshape(len(self.points), 2, 2, 3)
 
+    @property
+    def centres(self) -> Float:
+        """Centres of mass of the segments, (W, B, 3) [m]."""
+        within = human_model(self.body).model.body_ipos
+        return self.position + np.einsum("tbij,bj->tbi", self.rotation, within)
+
     def moved(self, shift: Float) -> WindowPose:
         """The same, moved by (W, 3) [m]."""
         return replace(self, position=self.position + shift[:, None], points=self.points + shift[:, None])
@@ -134,13 +140,12 @@ class WindowPose:
         leg, frames = self.body.leg, len(self.yaw)
         found = np.zeros((frames, layout.size))
         found[:, layout.blocks[PATH]] = np.column_stack([self.position[:, PELVIS] / leg, self.yaw])
-        moved = [number for number, segment in enumerate(_tree(self.body)) if segment.ball is not None]
-        parents = [_tree(self.body)[number].parent for number in moved]
-        balls = self.rotation[:, parents].swapaxes(-1, -2) @ self.rotation[:, moved]
+        moved = [(segment.ball, number) for number, segment in enumerate(_tree(self.body)) if segment.ball is not None]
+        numbers = [number for _, number in sorted(moved)]
+        parents = [_tree(self.body)[number].parent for number in numbers]
+        balls = self.rotation[:, parents].swapaxes(-1, -2) @ self.rotation[:, numbers]
         balls[:, 0] = yaw_matrix(-self.yaw) @ self.rotation[:, PELVIS]
-        order = np.argsort([_tree(self.body)[number].ball for number in moved])
-        turned_balls = six(balls[:, order]).reshape(frames, -1)
-        found[:, layout.blocks[ROTATIONS]] = np.concatenate([turned_balls, self.hinges], axis=1)
+        found[:, layout.blocks[ROTATIONS]] = np.concatenate([six(balls).reshape(frames, -1), self.hinges], axis=1)
         found[:, layout.blocks[PLACES]] = self.points.reshape(frames, -1) / leg
         return found
 

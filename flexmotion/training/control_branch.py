@@ -41,9 +41,10 @@ class ControlBranch(nn.Module):
         self.patch = config.patch
         self.register_buffer("scales", torch.tensor(columns.scales), persistent=False)
         inputs = 2 * config.patch * columns.size
-        self.read = nn.Sequential(nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width))
+        first = nn.Linear(inputs, width)
         # Most constraints are few numbers among thousands of zeros, which the usual spread would hardly let be seen.
-        nn.init.normal_(self.read[0].weight, std=SPREAD)
+        nn.init.normal_(first.weight, std=SPREAD)
+        self.read = nn.Sequential(first, nn.SiLU(), nn.Linear(width, width))
         self.place = parameter(1, window.future // config.patch, width)
         copied = [deepcopy(layer) for _, layer in zip(range(config.layers), denoiser.stack.layers, strict=False)]
         self.layers = nn.ModuleList(copied).requires_grad_(True)

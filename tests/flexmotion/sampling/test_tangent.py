@@ -51,9 +51,8 @@ def wrong(draft: Draft, found: np.ndarray, block: str, held: bool) -> float:
     motion, holding = draft.planted(draft.joined(found))
     pose = WindowPose.of(motion, draft.anchor)
     frames, column = (grid.ravel() for grid in np.indices((FRAMES, size)))
-    given = tangent.jacobian(
-        pose, holding.turned(-draft.anchor.yaw) if held and holding else None, layout, frames, first + column
-    )
+    own = holding.turned(-draft.anchor.yaw) if held and holding is not None else None
+    given = tangent.at(pose, own).jacobian(layout, frames, first + column)
     expected = [(values(1e-3 * step) - values(-1e-3 * step)) / 2e-3 for step in np.eye(2)]
     apart = given - np.stack(expected, axis=-1).reshape(given.shape)
     return float(np.linalg.norm(apart) / np.linalg.norm(expected))
