@@ -17,6 +17,7 @@ from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.arm_closing import closable, closed
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.low_pass import steadied
@@ -88,13 +89,19 @@ class Draft:
         Args:
             motion: planted.
             found: features that it was decoded from, before they were joined to the history.
-            constraints: contact forces that are asked take the place of the decoder's, as far as the motion allows.
+            constraints: what is asked of its arms is kept by them, as far as they reach; contact forces that are asked
+                take the place of the decoder's, as far as the motion allows.
         """
+        arms = constraints is not None and bool(constraints.mask[:, closable(constraints)].any())
+
+        def finish(window: Motion) -> Motion:
+            return closed(window, self.anchor, constraints) if arms and constraints is not None else window
+
         if not self.balanced:
-            return Delivered(self.history[max(0, len(self.history) - EDGE) :], motion)
+            return Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
         if constraints is not None:
             motion = _with_forces(motion, constraints, self.anchor)
-        return delivered(motion, self.history, self._accelerations(found))
+        return delivered(motion, self.history, self._accelerations(found), finish)
 
     def _accelerations(self, found: Float32) -> Float:
         """Second derivative of the root's path before it was joined to the history, (W, 3) [m/s²]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from flexmotion.human.human_model import AXES, human_model
 from flexmotion.sampling.window_pose import PELVIS, WindowPose, point_owners
 
 Float = NDArray[np.float64]
+Float32 = NDArray[np.float32]
 
 
 class JointSpins:
@@ -29,36 +30,41 @@ class JointSpins:
     Attributes:
         world: segment -> rotation in the axes of the window [rad] per unit of the joint's columns, (W, 3, 6) or of a
             hinge (W, 3, 1).
-        kept: change of the columns of the block `rotations` that remain rotations, (W, 50, 50).
     """
 
     def __init__(self, pose: WindowPose) -> None:
-        frames = len(pose.rotation)
-        self.world: dict[int, Float] = {}
-        self.kept = np.zeros((frames, ROTATION_SIZE, ROTATION_SIZE), np.float32)
-        for segment, joint in joints_of(pose.body).items():
-            turn = pose.rotation[:, segment]
+        joints = joints_of(pose.body)
+        parent = human_model(pose.body).model.body_parentid
+        self._balls = [segment for segment, joint in joints.items() if joint.axis is None]  # the pelvis first
+        self._joints = joints
+        turn = pose.rotation[:, self._balls]
+        above = pose.rotation[:, parent[self._balls]]
+        above[:, 0] = yaw_matrix(pose.yaw)  # the pelvis is decoded without its heading
+        self._own = above.swapaxes(-1, -2) @ turn
+        self._local = np.zeros((*turn.shape[:2], 3, 6))
+        y, z = self._own[..., 1], self._own[..., 2]
+        self._local[..., 0, 3:], self._local[..., 1, :3], self._local[..., 2, :3] = z, -z, y
+        world = turn @ self._local
+        self.world: dict[int, Float] = {segment: world[:, row] for row, segment in enumerate(self._balls)}
+        for segment, joint in joints.items():
             if joint.axis is not None:
-                self.world[segment] = (turn @ np.array(joint.axis))[..., None]
-                self.kept[:, joint.columns, joint.columns] = 1.0
-                continue
-            if segment == PELVIS:
-                own = yaw_matrix(-pose.yaw) @ turn
-            else:
-                parent = int(human_model(pose.body).model.body_parentid[segment])
-                own = pose.rotation[:, parent].swapaxes(-1, -2) @ turn
-            y, z, none = own[..., 1], own[..., 2], np.zeros((frames, 3))
-            local = np.stack(
-                [np.concatenate([none, z], axis=1), np.concatenate([-z, none], axis=1),
-                 np.concatenate([y, none], axis=1)], axis=1)  # fmt: skip
-            self.world[segment] = turn @ local
-            if segment == PELVIS:  # its rotation is without its heading
-                about = own @ local
-                about[:, 2] = 0.0
-                local = own.swapaxes(-1, -2) @ about
-            first = own[..., 1:2] * local[:, 2:] - own[..., 2:] * local[:, 1:2]
-            second = own[..., 2:] * local[:, :1] - own[..., :1] * local[:, 2:]
-            self.kept[:, joint.columns, joint.columns] = np.concatenate([first, second], axis=1)
+                self.world[segment] = (pose.rotation[:, segment] @ np.array(joint.axis))[..., None]
+
+    @cached_property
+    def kept(self) -> Float32:
+        """Change of the columns of the block `rotations` by which they remain rotations, (W, 50, 50)."""
+        own, local = self._own, self._local.copy()
+        about = own[:, 0] @ local[:, 0]
+        about[:, 2] = 0.0  # without its heading
+        local[:, 0] = own[:, 0].swapaxes(-1, -2) @ about
+        first = own[..., 1:2] * local[..., 2:, :] - own[..., 2:] * local[..., 1:2, :]
+        second = own[..., 2:] * local[..., :1, :] - own[..., :1] * local[..., 2:, :]
+        found = np.zeros((len(own), ROTATION_SIZE, ROTATION_SIZE), np.float32)
+        changes = np.concatenate([first, second], axis=-2)
+        for segment, joint in self._joints.items():
+            row = self._balls.index(segment) if joint.axis is None else None
+            found[:, joint.columns, joint.columns] = 1.0 if row is None else changes[:, row]
+        return found
 
 
 @dataclass(frozen=True)

@@ -135,18 +135,25 @@ class WindowPose:
         """The same, moved by (W, 3) [m]."""
         return replace(self, position=self.position + shift[:, None], points=self.points + shift[:, None])
 
-    def values(self, layout: ConstraintLayout) -> Float:
-        """Values of the columns of a `ConstraintLayout` that kinematics tell, (W, C); the others are zero."""
+    def values(self, layout: ConstraintLayout, rotations: bool = True) -> Float:
+        """Values of the columns of a `ConstraintLayout` that kinematics tell, (W, C); the others are zero.
+
+        Args:
+            layout: of the columns.
+            rotations: whether those of the block `rotations` are made, which take longest.
+        """
         leg, frames = self.body.leg, len(self.yaw)
         found = np.zeros((frames, layout.size))
         found[:, layout.blocks[PATH]] = np.column_stack([self.position[:, PELVIS] / leg, self.yaw])
-        moved = [(segment.ball, number) for number, segment in enumerate(_tree(self.body)) if segment.ball is not None]
-        numbers = [number for _, number in sorted(moved)]
-        parents = [_tree(self.body)[number].parent for number in numbers]
-        balls = self.rotation[:, parents].swapaxes(-1, -2) @ self.rotation[:, numbers]
-        balls[:, 0] = yaw_matrix(-self.yaw) @ self.rotation[:, PELVIS]
-        found[:, layout.blocks[ROTATIONS]] = np.concatenate([six(balls).reshape(frames, -1), self.hinges], axis=1)
         found[:, layout.blocks[PLACES]] = self.points.reshape(frames, -1) / leg
+        if rotations:
+            tree = _tree(self.body)
+            moved = [(one.ball, row) for row, one in enumerate(tree) if one.ball is not None]
+            numbers = [row for _, row in sorted(moved)]
+            parents = [tree[number].parent for number in numbers]
+            balls = self.rotation[:, parents].swapaxes(-1, -2) @ self.rotation[:, numbers]
+            balls[:, 0] = yaw_matrix(-self.yaw) @ self.rotation[:, PELVIS]
+            found[:, layout.blocks[ROTATIONS]] = np.concatenate([six(balls).reshape(frames, -1), self.hinges], axis=1)
         return found
 
 
