@@ -11,25 +11,21 @@ is solved a fixed number of times, forward kinematics in between.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from flexmotion.biomechanics.segment_motion import hinge_index
 from flexmotion.features.constraint_layout import PLACES
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor
-from flexmotion.features.heading_frame import yaw_matrix
 from flexmotion.features.layout import POINTS
-from flexmotion.human.human_model import human_model, scratch
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES
-from flexmotion.sampling.window_pose import point_owners
+from flexmotion.sampling.window_pose import WindowPose
 from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
@@ -82,12 +78,12 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
     for _ in range(ROUNDS):
         if not any(asked[:, points].any() for _, points in sides):
             return motion
-        arms = _Arms.of(motion, anchor)
+        pose = WindowPose.of(motion, anchor)
         joints = motion.joints.copy()
         for side, points in sides:
             if asked[:, points].any():
                 columns = [JOINTS.index(f"{joint}_{side}") for joint in MOVED]
-                change = arms.change(points, columns, asked, places)
+                change = _change(pose, points, columns, asked, places)
                 low, high = joint_limits()[columns].T
                 # Angles that are beyond their limits already stay where they are.
                 own = joints[:, columns]
@@ -96,73 +92,46 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
     return motion
 
 
-@dataclass(frozen=True)
-class _Arms:
-    """Points, and anchors and axes of the joints, in the frame of the window, (W, 16, 3), (W, 26, 3) each [m]."""
+def _change(pose: WindowPose, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float) -> Float:
+    """Change of the angles of an arm, (W, 4) [rad].
 
-    points: Float
-    anchor: Float
-    axis: Float
+    Args:
+        points: of the arm.
+        columns: its joints.
+        asked, places: of all points, (W, 16, 3).
+    """
+    over = _functions(len(pose.points))
+    rows, residuals = [], []
+    for point in points:
+        frames, coordinates = np.nonzero(asked[:, point])
+        lever = pose.points[frames, point][:, None] - pose.anchor[frames][:, columns]
+        moved = np.cross(pose.axis[frames][:, columns], lever)  # (R, 4, 3)
+        own = moved[np.arange(len(frames)), :, coordinates]
+        if point == points[0]:
+            own[:, 3] = 0.0  # the elbow does not move itself
+        rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), len(columns) * over.shape[1]))
+        residuals.append(_missing(pose, point, asked[:, point], places[:, point])[frames, coordinates])
+    system = np.concatenate(rows)
+    normal = system.T @ system
+    normal[np.diag_indices(len(normal))] += DAMPING
+    found = np.linalg.solve(normal, system.T @ np.concatenate(residuals)).reshape(len(columns), -1)
+    change: Float = over @ found.T
+    return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
 
-    @classmethod
-    def of(cls, motion: Motion, before: Anchor) -> _Arms:
-        human = human_model(motion.body)
-        model, data = human.model, scratch(motion.body)
-        qpos, frames, hinges = human.qpos(motion), len(motion), hinge_index(motion.body)
-        anchor, axis = np.empty((frames, model.njnt, 3)), np.empty((frames, model.njnt, 3))
-        bodies, sites = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nsite, 3))
-        state, xpos, site_xpos, xanchor, xaxis = data.qpos, data.xpos, data.site_xpos, data.xanchor, data.xaxis
-        for frame in range(frames):
-            state[:] = qpos[frame]
-            mujoco.mj_kinematics(model, data)
-            bodies[frame], sites[frame], anchor[frame], axis[frame] = xpos, site_xpos, xanchor, xaxis
-        points = bodies[:, list(point_owners(motion.body))]
-        for number, name in enumerate(POINTS):
-            if name in human.site_index:
-                points[:, number] = sites[:, human.site_index[name]]
-        return cls(
-            before.local(points), before.local(anchor[:, hinges]), axis[:, hinges] @ yaw_matrix(np.array(before.yaw))
-        )
 
-    def change(self, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float) -> Float:
-        """Change of the angles of an arm, (W, 4) [rad].
-
-        Args:
-            points: of the arm.
-            columns: its joints.
-            asked, places: of all points, (W, 16, 3).
-        """
-        over = _functions(len(self.points))
-        rows, residuals = [], []
-        for point in points:
-            frames, coordinates = np.nonzero(asked[:, point])
-            lever = self.points[frames, point][:, None] - self.anchor[frames][:, columns]
-            moved = np.cross(self.axis[frames][:, columns], lever)  # (R, 4, 3)
-            own = moved[np.arange(len(frames)), :, coordinates]
-            if point == points[0]:
-                own[:, 3] = 0.0  # the elbow does not move itself
-            rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), len(columns) * over.shape[1]))
-            residuals.append(self._missing(point, asked[:, point], places[:, point])[frames, coordinates])
-        system = np.concatenate(rows)
-        normal = system.T @ system
-        normal[np.diag_indices(len(normal))] += DAMPING
-        found = np.linalg.solve(normal, system.T @ np.concatenate(residuals)).reshape(len(columns), -1)
-        change: Float = over @ found.T
-        return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
-
-    def _missing(self, point: int, asked: NDArray[np.bool_], places: Float) -> Float:
-        """What a point lacks of its place as far as the arm reaches, at most `FARTHEST`, (W, 3) [m]."""
-        own, side = self.points[:, point], POINTS[point][-1]
-        wanted = np.where(asked, places, own)
-        if POINTS[point].startswith("hand"):
-            shoulder, elbow = (self.points[:, POINTS.index(f"{name}_{side}")] for name in ("shoulder", "elbow"))
-            reach = np.linalg.norm(elbow - shoulder, axis=1) + np.linalg.norm(own - elbow, axis=1)
-            away = np.linalg.norm(wanted - shoulder, axis=1)
-            wanted = shoulder + (wanted - shoulder) * np.minimum(1.0, reach / np.maximum(away, 1e-6))[:, None]
-        missing = wanted - own
-        size = np.linalg.norm(missing, axis=1, keepdims=True)
-        found: Float = missing * np.minimum(1.0, FARTHEST / np.maximum(size, 1e-6))
-        return found
+def _missing(pose: WindowPose, point: int, asked: NDArray[np.bool_], places: Float) -> Float:
+    """What a point lacks of its place as far as the arm reaches, at most `FARTHEST`, (W, 3) [m]."""
+    own, side = pose.points[:, point], POINTS[point][-1]
+    wanted = np.where(asked, places, own)
+    if POINTS[point].startswith("hand"):
+        shoulder, elbow = (pose.points[:, POINTS.index(f"{name}_{side}")] for name in ("shoulder", "elbow"))
+        reach = np.linalg.norm(elbow - shoulder, axis=1) + np.linalg.norm(own - elbow, axis=1)
+        away = np.linalg.norm(wanted - shoulder, axis=1)
+        wanted = shoulder + (wanted - shoulder) * np.minimum(1.0, reach / np.maximum(away, 1e-6))[:, None]
+    missing = wanted - own
+    size = np.linalg.norm(missing, axis=1, keepdims=True)
+    found: Float = missing * np.minimum(1.0, FARTHEST / np.maximum(size, 1e-6))
+    return found
 
 
 @lru_cache(maxsize=4)

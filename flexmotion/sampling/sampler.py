@@ -20,7 +20,7 @@ from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
-from flexmotion.sampling.constraint_solver import CORRECTIONS, UNREACHED, ConstraintSolver
+from flexmotion.sampling.constraint_solver import CORRECTIONS, OF_BALANCED, UNREACHED, ConstraintSolver
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
@@ -224,9 +224,11 @@ class Sampler:
             raise ValueError(f"the constraints are of another layout or body than model {self.name}'s")
         if len(constraints.mask) != self.future:
             raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {self.future}")
-        for name in () if self.bundle.has_control else UNREACHED:
+        unreached = () if self.bundle.has_control else (*UNREACHED, *(() if self.balanced else OF_BALANCED))
+        for name in unreached:
             if name in constraints.layout.blocks and constraints.mask[:, constraints.layout.blocks[name]].any():
-                raise ValueError(f"constraints of {name}: model {self.name} has no control branch, which follows them")
+                balance = " and its windows are not balanced" if name in OF_BALANCED else ""
+                raise ValueError(f"constraints of {name}: model {self.name} has no control branch{balance}")
 
     @cached_property
     def _solver(self) -> ConstraintSolver:

@@ -34,13 +34,14 @@ class WindowChange:
         holding: how its feet were held in place, in the frame of the window; None where they were not.
 
     Attributes:
+        fps: frames per second.
         path: derivatives of place and height [leg] and heading [rad] of the pelvis, (W, 4, L).
     """
 
     def __init__(
         self, root: Float32, rotations: Float32, fps: float, pose: WindowPose, holding: Holding | None
     ) -> None:
-        self._root, self._rotations, self._fps, self._pose = root, rotations, fps, pose
+        self._root, self._rotations, self.fps, self._pose = root, rotations, fps, pose
         self._spins = JointSpins(pose)
         self._turning = (np.cumsum(root[:, 2], axis=0) / fps)[:, None]
         self.path = self._path(holding)
@@ -72,6 +73,18 @@ class WindowChange:
         """Derivatives of points of the body by their numbers in `layout.POINTS`, (W, P, 3, L) [leg]."""
         return self._relative_points(points) + self.path[:, None, :3]
 
+    def at_segment(self, segment: int, place: Float) -> Float32:
+        """Derivatives of a point that is fixed to one of the model's bodies, (W, 3, L) [leg]; `place`: (W, 3) [m]."""
+        pose, parents = self._pose, human_model(self._pose.body).model.body_parentid
+        weights = np.zeros((len(place), 1, 3, ROTATION_SIZE))
+        joints = joints_of(pose.body)
+        while segment:
+            if segment in joints:
+                lever = (place - pose.position[:, segment]) / pose.body.leg
+                weights[:, 0, :, joints[segment].columns] += _crossed(self._spins.world[segment], lever)
+            segment = int(parents[segment])
+        return self._relative(weights, place[:, None])[:, 0] + self.path[:, :3]
+
     def centre(self, segments: Mask) -> Float32:
         """Derivatives of the centre of mass of some of the model's bodies, (B,) -> (W, 3, L) [leg]."""
         pose, body = self._pose, self._pose.body
@@ -94,7 +107,7 @@ class WindowChange:
         place = (pose.position[:, PELVIS, :2] / pose.body.leg).astype(np.float32)
         step = np.diff(place, axis=0, prepend=np.zeros((1, 2), np.float32))
         cosine, sine = np.cos(before)[:, None], np.sin(before)[:, None]
-        ahead, aside = root[:, 0] / self._fps, root[:, 1] / self._fps
+        ahead, aside = root[:, 0] / self.fps, root[:, 1] / self.fps
         x = cosine * ahead - sine * aside - step[:, 1:] * yaw_before
         y = sine * ahead + cosine * aside + step[:, :1] * yaw_before
         # The heading of a pelvis that is not decoded exactly without its heading.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.segment_motion import hinge_index
 from flexmotion.features.constraint_layout import (
     CENTRES,
     FORCES,
@@ -51,6 +52,7 @@ class WindowPose:
         points: of `layout.POINTS`, (W, 16, 3) [m].
         hinges: angles of `joint_groups.HINGES`, (W, 8) [rad].
         yaw: heading, (W,) [rad].
+        anchor, axis: of the joints of `skeleton.JOINTS`, (W, 26, 3) [m] and unit vectors; a sketch has none.
     """
 
     body: Body
@@ -59,6 +61,8 @@ class WindowPose:
     points: Float
     hinges: Float
     yaw: Float
+    anchor: Float = field(default_factory=lambda: np.zeros((0, len(JOINTS), 3)))
+    axis: Float = field(default_factory=lambda: np.zeros((0, len(JOINTS), 3)))
 
     @classmethod
     def of(cls, motion: Motion, anchor: Anchor) -> WindowPose:
@@ -72,14 +76,17 @@ class WindowPose:
         model, data = human.model, scratch(motion.body)
         qpos, frames = human.qpos(motion), len(motion)
         bodies, matrices = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
-        state, xpos, xmat = data.qpos, data.xpos, data.xmat
+        centres, axes = np.empty((frames, model.njnt, 3)), np.empty((frames, model.njnt, 3))
+        state, xpos, xmat, xanchor, xaxis = data.qpos, data.xpos, data.xmat, data.xanchor, data.xaxis
         for frame in range(frames):
             state[:] = qpos[frame]
             mujoco.mj_kinematics(model, data)
-            bodies[frame], matrices[frame] = xpos, xmat
+            bodies[frame], matrices[frame], centres[frame], axes[frame] = xpos, xmat, xanchor, xaxis
         turn = yaw_matrix(np.array(-anchor.yaw))
         rotation = turn @ matrices.reshape(frames, model.nbody, 3, 3)
-        return cls._from(motion.body, anchor.local(bodies), rotation, motion.joints[:, HINGE_COLUMNS])
+        found = cls._from(motion.body, anchor.local(bodies), rotation, motion.joints[:, HINGE_COLUMNS])
+        joints = hinge_index(motion.body)
+        return replace(found, anchor=anchor.local(centres[:, joints]), axis=axes[:, joints] @ turn.T)
 
     @classmethod
     def of_features(cls, features: NDArray[np.float32], layout: Layout, body: Body) -> WindowPose:
