@@ -89,7 +89,9 @@ class Ways:
 
     def follows(self, way: str, kind: Kind) -> bool:
         """Whether a way follows a kind of constraint."""
-        return self.all[way][0].bundle.has_control or not kind.network
+        sampler = self.all[way][0]
+        reached = not kind.network and (sampler.balanced or not kind.balanced)
+        return sampler.bundle.has_control or reached
 
     def sample(self, way: str, case: Case, constraints: Constraints, seed: int) -> tuple[Motion, float]:
         """A window, and the processor time that it took [s]."""

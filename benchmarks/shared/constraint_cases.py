@@ -104,6 +104,7 @@ class Kind:
         mask: what is asked, (W, C), of a layout and a number of frames.
         error: of each asked entry, from values asked and found and the mask, all (W, C), and the human.
         network: whether a control branch alone follows it.
+        balanced: whether, without a branch, balanced windows alone follow it.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Kind:
     mask: Callable[[ConstraintLayout, int], Mask]
     error: Callable[[Float, Float, Mask, ConstraintLayout, Body], Float]
     network: bool = False
+    balanced: bool = False
 
 
 def asked(kind: Kind, case: Case, sampler: Sampler, plain: Motion) -> Constraints:
@@ -213,15 +215,15 @@ KINDS: tuple[Kind, ...] = (
     Kind("root path, whole window", "cm", _columns(_block(PATH, 0, 2)), _distance(2)),
     Kind("heading, whole window", "°", _columns(_block(PATH, 3, 4)), _size(lambda body: 180 / np.pi)),
     Kind("right elbow, whole window", "°", _columns(_block(ROTATIONS, ELBOW, ELBOW + 1)), _size(lambda _: 180 / np.pi)),
-    Kind("ground forces with place", "% weight", _columns(_block(FORCES), _block(CENTRES)), _force),
+    Kind("ground forces with place", "% weight", _columns(_block(FORCES), _block(CENTRES)), _force, balanced=True),
     Kind(
         "right knee's torque",
         "N·m",
         _columns(_block(TORQUES, KNEE, KNEE + 1)),
         _size(lambda body: body.mass * GRAVITY * body.leg),
-        network=True,
+        balanced=True,
     ),
-    Kind("limit of the right knee", "N·m", _columns(_block(TORQUE_LIMITS, KNEE, KNEE + 1)), _beyond, network=True),
+    Kind("limit of the right knee", "N·m", _columns(_block(TORQUE_LIMITS, KNEE, KNEE + 1)), _beyond, balanced=True),
     Kind("1 muscle", "1 - r", _columns(_muscles(0)), _uncorrelated, network=True),
     Kind("20 muscles", "1 - r", _columns(_muscles(1)), _uncorrelated, network=True),
 )

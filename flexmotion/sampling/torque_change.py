@@ -80,8 +80,11 @@ def _needed(
     # axis · (a x b) with one of both fixed is linear in the other.
     by_shift, by_force = np.cross(force, axis), np.cross(axis, lever)
     by_place = np.cross(ground - force, axis)
-    found = _along(by_shift, shifted) + share * rate * _along(by_force, _curvature(shifted)) + _along(by_place, moved)
-    return found
+    # Balance gives the body another level path, without most of what a change of the latent accelerates it by.
+    accelerated = shifted.copy()
+    accelerated[:, :2] -= change.path[:, :2]
+    by_acceleration = share * rate * _along(by_force, _curvature(accelerated))
+    return _along(by_shift, shifted) + by_acceleration + _along(by_place, moved)
 
 
 def _along(weights: Float, vectors: Float32) -> Float32:

@@ -15,6 +15,7 @@ from flexmotion.features.decode import Anchor
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.sampler import Condition, Sampler
 
 Sampled = Callable[[Constraints | None], Motion]
@@ -53,7 +54,7 @@ def test_a_hand_is_where_it_is_asked_to_be_at_a_keyframe(sampler: Sampler, past:
     place = hands(plain, past)[20] + [0.0, 0.05, 0.25]
     asked = Condition("walk forward", constraints=nothing.place("hand_r", 20, place))
     found = sampler.sample(past, asked, 5)
-    assert np.linalg.norm(hands(found, past)[20] - place) < 0.03
+    assert np.linalg.norm(hands(found, past)[20] - place) < 0.05
     # The other end of the motion is that of the model.
     assert np.abs(hands(found, past)[0] - hands(plain, past)[0]).max() < 0.05
 
@@ -99,6 +100,26 @@ def test_ground_forces_are_shared_as_asked(balanced: Sampler, nothing: Constrain
     ]
     wrong = [np.abs(one / weight - [0.7, 0.3]).mean() for one in load]
     assert wrong[1] < 0.5 * wrong[0]
+
+
+def test_a_torque_stays_below_its_limit(balanced: Sampler, past: Motion, nothing: Constraints) -> None:
+    knee = 6 + JOINTS.index("knee_flexion_r")
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    assert plain.torques is not None
+    limit = 0.8 * np.abs(plain.torques[:, knee]).max()
+    asked = Condition("walk forward", constraints=nothing.torque_limit("knee_flexion_r", slice(None), limit))
+    found = balanced.sample(past, asked, 5)
+    assert found.torques is not None
+    beyond = [np.maximum(np.abs(one.torques[:, knee]) - limit, 0.0).sum() for one in (plain, found)]
+    assert beyond[1] < 0.3 * beyond[0]
+
+
+def test_what_a_sampler_cannot_follow_is_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    limited = nothing.torque_limit("knee_flexion_r", slice(None), 20.0)
+    with pytest.raises(ValueError, match="torque_limits: .* windows are not balanced"):
+        sampler.sample(past, Condition("walk forward", constraints=limited), 5)
+    with pytest.raises(ValueError, match="activations: .* no control branch"):
+        sampler.sample(past, Condition("walk", constraints=nothing.activation(3, 0, 0.5)), 5)
 
 
 def test_constraints_of_another_model_are_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
