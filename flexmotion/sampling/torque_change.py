@@ -27,6 +27,10 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
+BALANCED = 0.5
+"""Share of the level acceleration of the root that balance takes away again. Limits of a knee over 14 held-out clips
+were kept in 97.1 % of the frames with it, 96.0 with none of it, 93.8 with all (without correction 86.4)."""
+
 
 def torque_change(change: WindowChange, pose: WindowPose, motion: Motion, yaw: float, joint: int) -> Float32:
     """Derivatives of a joint's torque, (W, L) [weight x leg].
@@ -80,9 +84,8 @@ def _needed(
     # axis · (a x b) with one of both fixed is linear in the other.
     by_shift, by_force = np.cross(force, axis), np.cross(axis, lever)
     by_place = np.cross(ground - force, axis)
-    # Balance gives the body another level path, without most of what a change of the latent accelerates it by.
     accelerated = shifted.copy()
-    accelerated[:, :2] -= change.path[:, :2]
+    accelerated[:, :2] -= BALANCED * change.path[:, :2]
     by_acceleration = share * rate * _along(by_force, _curvature(accelerated))
     return _along(by_shift, shifted) + by_acceleration + _along(by_place, moved)
 
