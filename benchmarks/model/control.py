@@ -70,9 +70,10 @@ class Row:
     def figures(self) -> dict[str, float]:
         """Mean error, 95th percentile, share beyond `FAR_CM` (of places), and time."""
         far = {"beyond_20_cm": float(np.mean(self.errors > FAR_CM))} if self.unit == "cm" else {}
-        kept = {"kept": float(np.mean(self.errors <= 0))} if self.kind.startswith("limit") else {}
+        kept = {"kept": float(np.mean(self.errors <= 0))} if self.kind == LIMIT else {}
         mean, most = float(self.errors.mean()), float(np.quantile(self.errors, 0.95))
-        return {"mean": mean, "p95": most, **far, **kept, "times": self.processor}
+        times = {} if np.isnan(self.processor) else {"times": self.processor}
+        return {"mean": mean, "p95": most, **far, **kept, **times}
 
 
 class Ways:
@@ -179,7 +180,12 @@ def table(found: Sequence[Row]) -> Table:
         figures = row.figures
         far = f"{figures['beyond_20_cm']:.1%}" if "beyond_20_cm" in figures else ""
         kept = f"kept {figures['kept']:.1%}" if "kept" in figures else far
-        values = f"{figures['mean']:.2f} {row.unit}", f"{figures['p95']:.2f}", kept, f"{figures['times']:.2f}"
+        values = (
+            f"{figures['mean']:.2f} {row.unit}",
+            f"{figures['p95']:.2f}",
+            kept,
+            f"{figures.get('times', np.nan):.2f}",
+        )
         made.add_row(row.kind, row.way, *values)
     return made
 
@@ -211,7 +217,11 @@ def main(
             found += long_paths(ways, drawn, 1000 * (seed + 1))
     Console(width=120).print(table(found))
     if csv_out is not None:
-        write_csv(csv_out, [{"kind": row.kind, "way": row.way, **row.figures} for row in found])
+        columns = ("mean", "p95", "beyond_20_cm", "kept", "times")
+        lines = [
+            {"kind": row.kind, "way": row.way} | {name: row.figures.get(name) for name in columns} for row in found
+        ]
+        write_csv(csv_out, lines)
     return Outcome(
         verdicts(found, bool(ways.plain.bundle.has_control)), {f"{r.kind}, {r.way}": r.figures for r in found}
     )

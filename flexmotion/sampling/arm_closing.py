@@ -6,7 +6,7 @@ and changes c of the angles of an arm, over smooth functions of time,
 
     c = argmin |J c - r|² + damping |c|²
 
-is solved a fixed number of times, forward kinematics in between.
+is solved a fixed number of times, forward kinematics in between; a step that brings the arm no nearer is not taken.
 """
 
 from __future__ import annotations
@@ -36,7 +36,11 @@ CLOSED = ("elbow", "hand")
 MOVED = ARM_JOINTS[:4]
 """Coordinates of shoulder and elbow; pronation does not move the fist."""
 
-ROUNDS = 3
+ROUNDS, NEAR = 5, 1e-3
+"""Steps at most; none is taken where the root mean square of what is missing is smaller than the second [m]."""
+
+SHORTER = 0.3
+"""Share of a step that is tried after one that did not bring the arm nearer."""
 
 KNOT_FRAMES = 3.0
 """Distance of the knots of the functions of time: at 30 frames a second they hold what a window below 5 Hz does."""
@@ -72,24 +76,48 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
         constraints: what is asked; all else than places of elbows and hands is left.
     """
     first = constraints.layout.blocks[PLACES].start
-    sides = [(side, [POINTS.index(f"{point}_{side}") for point in CLOSED]) for side in SIDES]
     asked = constraints.mask[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3)
     places = constraints.values[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3) * motion.body.leg
-    for _ in range(ROUNDS):
-        if not any(asked[:, points].any() for _, points in sides):
-            return motion
-        pose = WindowPose.of(motion, anchor)
-        joints = motion.joints.copy()
-        for side, points in sides:
-            if asked[:, points].any():
-                columns = [JOINTS.index(f"{joint}_{side}") for joint in MOVED]
-                change = _change(pose, points, columns, asked, places)
-                low, high = joint_limits()[columns].T
-                # Angles that are beyond their limits already stay where they are.
-                own = joints[:, columns]
-                joints[:, columns] = np.clip(own + change, np.minimum(low, own), np.maximum(high, own))
-        motion = replace(motion, joints=joints)
+    arms = [
+        ([POINTS.index(f"{point}_{side}") for point in CLOSED], [JOINTS.index(f"{joint}_{side}") for joint in MOVED])
+        for side in SIDES
+    ]
+    arms = [(points, columns) for points, columns in arms if asked[:, points].any()]
+    for points, columns in arms:
+        motion = _closed(motion, anchor, points, columns, asked, places)
     return motion
+
+
+def _closed(
+    motion: Motion, anchor: Anchor, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float
+) -> Motion:
+    """The motion with one arm closed; see `_change`."""
+    pose, share = WindowPose.of(motion, anchor), 1.0
+    error = _error(pose, points, asked, places)
+    low, high = joint_limits()[columns].T
+    enough = NEAR**2 * float(asked[:, points].sum())
+    for _ in range(ROUNDS):
+        if error < enough:
+            break
+        own = motion.joints[:, columns]
+        joints = motion.joints.copy()
+        moved = own + share * _change(pose, points, columns, asked, places)
+        # Angles that are beyond their limits already stay where they are.
+        joints[:, columns] = np.clip(moved, np.minimum(low, own), np.maximum(high, own))
+        tried = replace(motion, joints=joints)
+        there = WindowPose.of(tried, anchor)
+        left = _error(there, points, asked, places)
+        if left < error:
+            motion, pose, error = tried, there, left
+        else:  # an arm at its limits, or at a singular angle
+            share *= SHORTER
+    return motion
+
+
+def _error(pose: WindowPose, points: list[int], asked: NDArray[np.bool_], places: Float) -> float:
+    """Sum of the squared distances from asked places [m²]."""
+    away = (places - pose.points)[:, points][asked[:, points]]
+    return float(away @ away)
 
 
 def _change(pose: WindowPose, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float) -> Float:
