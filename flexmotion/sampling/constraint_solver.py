@@ -90,8 +90,9 @@ class ConstraintSolver:
             latent: that was sampled, (1, L).
             constraints: what is asked; values beyond `window_change.LINEAR` are left to the decoder.
             steps: corrections; without any, elbows and hands are left to the arms alone. The last one sees the window
-                as it is handed on, decoded anew, so that forces and contacts are those of the motion but for a last
-                small change; those before it see a sketch of it.
+                as it is handed on, those before it a sketch of it; what neither arms keep nor torques are has one
+                more. The last of several sees the window decoded anew, so that forces and contacts are those of the
+                motion but for a last small change.
         """
         rows = self._rows(constraints, draft.balanced)
         change = np.zeros(self._tangent.size, np.float32)
@@ -101,9 +102,10 @@ class ConstraintSolver:
         # Places of the arms are kept at last wherever feet and balance take the body.
         left = rows.columns[~closable(constraints)[rows.columns]]
         exact = bool(draft.balanced and len(left)) or self._moves_legs(left)
-        for step in range(steps if len(rows.columns) else 0):
-            last = step == steps - 1
-            if last and step:
+        before = bool(len(left)) and not rows.of_torques
+        for step in range(steps + before if steps and len(rows.columns) else 0):
+            last = step == steps + before - 1
+            if last and steps > 1:
                 decoded, found = change, decode(latent + change)
                 features = begun = draft.joined(found)
             if last and exact or rows.of_torques:
@@ -201,13 +203,12 @@ def _step(jacobian: Float32, residual: Float32) -> Float32:
     """Change of the latent, (L,), for R rows over their tolerances."""
     rows, size = jacobian.shape
     damping = DAMPING + FAR * float(np.mean(residual**2))
-    found: Float32
     if rows <= size:
         normal = jacobian @ jacobian.T
         normal[np.diag_indices(rows)] += damping
         found = jacobian.T @ cho_solve(cho_factor(normal), residual)
-        return found
-    normal = jacobian.T @ jacobian
-    normal[np.diag_indices(size)] += damping
-    found = cho_solve(cho_factor(normal), jacobian.T @ residual)
-    return found
+    else:
+        normal = jacobian.T @ jacobian
+        normal[np.diag_indices(size)] += damping
+        found = cho_solve(cho_factor(normal), jacobian.T @ residual)
+    return np.asarray(found, np.float32)

@@ -11,6 +11,7 @@ from copy import deepcopy
 import torch
 from torch import Tensor, nn
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ControlConfig, Window
 from flexmotion.features.constraint_layout import ConstraintLayout
 from flexmotion.features.layout import Layout
@@ -29,6 +30,9 @@ class ControlBranch(nn.Module):
         config: how many.
         window: frames.
         layout: of the features.
+
+    Raises:
+        ConfigError: a window is no whole number of patches.
     """
 
     scales: Tensor
@@ -36,7 +40,7 @@ class ControlBranch(nn.Module):
     def __init__(self, denoiser: Denoiser, config: ControlConfig, window: Window, layout: Layout) -> None:
         super().__init__()
         if window.future % config.patch:
-            raise ValueError(f"control.patch is {config.patch}, expected a divisor of window.future {window.future}")
+            raise ConfigError(f"control.patch is {config.patch}, expected a divisor of window.future {window.future}")
         columns, width = ConstraintLayout(layout), denoiser.width
         self.patch = config.patch
         self.register_buffer("scales", torch.tensor(columns.scales), persistent=False)
