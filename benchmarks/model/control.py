@@ -40,6 +40,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.constraint_solver import CORRECTIONS
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.window_pose import motion_values
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
@@ -59,7 +60,8 @@ class Row:
         way: of sampling.
         errors: of all asked entries.
         processor: time of a sample, in samples without constraints.
-        jerk, residual: mean jerk of the motion, and mean force that no ground gives it, over those without constraints.
+        jerk: mean of the motion's, over that without constraints.
+        residual: mean force that no ground gives [% of body weight]; balanced windows.
     """
 
     kind: str
@@ -146,19 +148,18 @@ def rows(ways: Ways, kinds: Sequence[Kind], drawn: Sequence[Case], seed: int) ->
                 physics[kind.name, way].append(_physics(case, window))
     units, made = {kind.name: kind.unit for kind in kinds}, []
     for (kind_name, way), found_errors in errors.items():
-        own, none = (np.mean(physics[kind_name, name], axis=0) for name in (way, "none"))
-        ratios = np.divide(own, none, out=np.full(2, np.nan), where=none > 0)
+        (moved, beyond), (plainly, _) = (np.mean(physics[kind_name, name], axis=0) for name in (way, "none"))
         spent_on = float(np.median(took[kind_name, way]))
         all_of = np.concatenate(found_errors)
-        made.append(Row(kind_name, units[kind_name], way, all_of, spent_on, float(ratios[0]), float(ratios[1])))
+        made.append(Row(kind_name, units[kind_name], way, all_of, spent_on, float(moved / plainly), float(beyond)))
     return made
 
 
 def _physics(case: Case, window: Motion) -> tuple[float, float]:
-    """Mean jerk of the body's points [m/s³], and mean force that no ground gives [N]; 0 where torques are decoded."""
+    """Mean jerk of the body's points [m/s³], and mean force that no ground gives [% of body weight]."""
     whole = concatenate([case.history.kinematics, window.kinematics])
     beyond = 0.0 if window.torques is None else float(np.linalg.norm(window.torques[:, :3], axis=1).mean())
-    return float(jerk(whole).mean()), beyond
+    return float(jerk(whole).mean()), 100 * beyond / (window.body.mass * GRAVITY)
 
 
 def long_paths(ways: Ways, drawn: Sequence[Case], seed: int) -> list[Row]:

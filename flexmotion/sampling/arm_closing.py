@@ -54,6 +54,9 @@ FARTHEST = 0.25
 TURNED = 0.8
 """Largest change of an angle in one round [rad]: an arm that is nearly straight would swing far for millimetres."""
 
+EVEN = 0.03
+"""Weight of the second differences of the knots' values [m²/rad²]: what keyframes ask for is spread between them."""
+
 DAMPING = 1e-3
 """Square of the distance [m²] that a change of one radian is worth: a stretched arm is not swung for a millimetre."""
 
@@ -140,7 +143,8 @@ def _change(pose: WindowPose, points: list[int], columns: list[int], asked: NDAr
         rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), len(columns) * over.shape[1]))
         residuals.append(_missing(pose, point, asked[:, point], places[:, point])[frames, coordinates])
     system = np.concatenate(rows)
-    normal = system.T @ system
+    even = np.diff(np.eye(over.shape[1]), n=2, axis=0)
+    normal = system.T @ system + EVEN * np.kron(np.eye(len(columns)), even.T @ even)
     normal[np.diag_indices(len(normal))] += DAMPING
     found = np.linalg.solve(normal, system.T @ np.concatenate(residuals)).reshape(len(columns), -1)
     change: Float = over @ found.T
