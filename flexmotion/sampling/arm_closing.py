@@ -169,8 +169,8 @@ def _missing(pose: WindowPose, point: int, asked: NDArray[np.bool_], places: Flo
 @lru_cache(maxsize=4)
 def _functions(frames: int) -> Float:
     """Cubic B-splines over the frames of a window, zero and level before the first, (W, K)."""
-    inner = np.arange(1.0, frames, KNOT_FRAMES)
-    knots = np.concatenate([np.zeros(4), inner, np.full(4, float(frames))])
+    # Evenly spaced beyond both ends, so that even coefficients are even changes.
+    knots = KNOT_FRAMES * np.arange(-3.0, np.ceil(frames / KNOT_FRAMES) + 4.0)
     time = np.arange(1.0, frames + 1)
-    found: Float = BSpline.design_matrix(np.minimum(time, frames - 1e-9), knots, 3).toarray()
+    found: Float = BSpline.design_matrix(time, knots, 3).toarray()
     return found * smoothstep(time, 0.0, BEGUN)[:, None]
