@@ -95,6 +95,12 @@ CATALOGUE = (
     Benchmark("model/velocity", "5 min", (Need.SET,), "mean error above .15 m/s, .2 rad/s"),
     Benchmark("model/memorisation", "10 min", (Need.SET,), "half as far from training windows; .3 of the diversity"),
     Benchmark("model/agreement", "1 min", (), "90th percentile at 1 s above 5 cm, 3°"),
+    Benchmark(
+        "model/control",
+        "15 min",
+        (Need.SET,),
+        "hand 2 cm off, path 10 cm in 5 s, half of the forces' error, 1.6 x the time",
+    ),
     Benchmark("model/sampler_speed", "10 s"),
     Benchmark("model/int8", "2 min", (Need.TRAIN,), "above 12 ms (99 %: 20 ms) of the processor, 400 MB"),
     Benchmark(

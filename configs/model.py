@@ -180,6 +180,20 @@ class DistillationConfig(Strict):
     sampling_steps: int = Field(default=2, ge=1)
 
 
+class ControlConfig(Strict):
+    """The control branch: how constraints of single frames get into a distilled model.
+
+    Attributes:
+        layers: of the denoiser that are copied, from the first on.
+        patch: frames per token of constraints.
+        latent: weight of the error of the latent; that of the constrained values has weight 1.
+    """
+
+    layers: int = Field(default=3, gt=0)
+    patch: int = Field(default=8, gt=0)
+    latent: float = Field(default=1.0, ge=0)
+
+
 class EvaluatorConfig(Strict):
     """Encoders of motion and text into a common space of `width` numbers, trained contrastively."""
 
@@ -217,6 +231,7 @@ class Stages(Strict):
     diffusion: Stage
     distill: Stage
     forces: Stage = Stage(steps=20000, batch=64, learning_rate=6.0e-4)
+    control: Stage = Stage(steps=20000, batch=64, learning_rate=3.0e-4)
     evaluator: Stage
 
 
@@ -232,9 +247,19 @@ class ModelConfig(Strict):
     losses: LossWeights
     diffusion: DiffusionConfig
     distillation: DistillationConfig
+    control: ControlConfig = ControlConfig()
     evaluator: EvaluatorConfig
     stages: Stages
     corrections: Corrections = Corrections()
+
+    @model_validator(mode="after")
+    def _control_fits(self) -> ModelConfig:
+        if self.control.layers > self.diffusion.denoiser.layers:
+            raise ValueError(
+                f"control.layers {self.control.layers} must be at most those of the denoiser,"
+                f" {self.diffusion.denoiser.layers}"
+            )
+        return self
 
 
 def shipped_models() -> list[str]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
     from flexmotion.configs.stream import StreamSettings, load_stream
     from flexmotion.drivers.interface import Driver
+    from flexmotion.features.constraints import Constraints
     from flexmotion.human.concatenate import concatenate
     from flexmotion.human.motion import Motion
     from flexmotion.human.motion_file import save_motion
@@ -81,6 +82,7 @@ _MODULES = {
     "configs.robot": ("Robot",),
     "configs.stream": ("StreamSettings", "load_stream"),
     "drivers.interface": ("Driver",),
+    "features.constraints": ("Constraints",),
     "human.concatenate": ("concatenate",),
     "human.motion": ("Motion",),
     "human.motion_file": ("save_motion",),
@@ -130,6 +132,7 @@ __all__ = [
     "Clip",
     "Condition",
     "ConfigError",
+    "Constraints",
     "Driver",
     "DriverError",
     "Event",

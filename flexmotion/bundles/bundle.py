@@ -18,6 +18,12 @@ from flexmotion.text.listener import Listener
 
 ARRAYS, DENOISER, DECODER = "arrays.npz", "denoiser.onnx", "decoder.onnx"
 
+CONTROL = "control.onnx"
+"""Optional network: the denoiser with a control branch, whose further inputs are constraints and their mask."""
+
+JACOBIAN = "jacobian"
+"""Optional array: derivatives of decoded motion by the latent, (W, columns of `root` and `rotations`, L)."""
+
 HASH_LENGTH = 16
 """Hexadecimal digits of a bundle's hash."""
 
@@ -92,6 +98,24 @@ class Bundle:
     def rest(self) -> np.ndarray:
         """Features of a standing human, not normalised, (frames, F)."""
         return self.arrays["rest"].astype(np.float32)
+
+    @property
+    def has_control(self) -> bool:
+        """Whether it has a control branch."""
+        return CONTROL in self.manifest.files
+
+    @property
+    def jacobian(self) -> np.ndarray | None:
+        """Derivatives of the decoder's normalised features by its latent, (W, F, L); None where the bundle lacks them.
+
+        Only those of the blocks `root` and `rotations` are stored, others are zero.
+        """
+        if JACOBIAN not in self.arrays:
+            return None
+        stored, blocks = self.arrays[JACOBIAN].astype(np.float32), self.layout.blocks
+        found = np.zeros((len(stored), self.layout.size, stored.shape[-1]), np.float32)
+        found[:, blocks["root"].start : blocks["rotations"].stop] = stored
+        return found
 
     @property
     def prompts(self) -> Prompts:

@@ -52,6 +52,11 @@ class Anchor:
         rotation = Rotation.from_quat(last.root_quaternion, scalar_first=True).as_matrix()
         return cls(last.root_position[0, :2], float(continuous_matrix_heading(rotation)[0]), last.joints[0])
 
+    def local(self, places: Float) -> Float:
+        """Places of the world, (..., 3) [m], in the frame of the window that follows."""
+        found: Float = (places - np.append(self.place, 0.0)) @ yaw_matrix(np.array(self.yaw))
+        return found
+
     @classmethod
     def origin(cls) -> Anchor:
         """At the world's origin, facing x, upright."""

@@ -17,6 +17,7 @@ with the next window, and `Delivered.before` has them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,7 @@ from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import REACH
+from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
@@ -64,7 +66,9 @@ class Delivered:
     window: Motion
 
 
-def delivered(window: Motion, past: Motion, planned: Float) -> Delivered:
+def delivered(
+    window: Motion, past: Motion, planned: Float, finish: Callable[[Motion], Motion] = lambda window: window
+) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
     Args:
@@ -74,6 +78,7 @@ def delivered(window: Motion, past: Motion, planned: Float) -> Delivered:
             the seam is exact. Frames without forces keep none.
         planned: second derivative of the root's path in the model's own window, (T, 3) [m/s²]; the first and the last
             row are not used.
+        finish: changes the balanced window a last time before its forces are made; its legs and its root must stay.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -94,6 +99,11 @@ def delivered(window: Motion, past: Motion, planned: Float) -> Delivered:
         root_position=window.root_position + at,
         pressure_centres=centres + (at * [1.0, 1.0, 0.0])[:, None],
     )
+    finished = finish(window)
+    if finished is not window:
+        window = finished
+        segments = segment_motion(concatenate([known.kinematics, window.kinematics]))
+        needs = _needs(segments, window.body, whole, planned)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
@@ -135,8 +145,20 @@ def _balanced(
     whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
 ) -> tuple[Float, Needs]:
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
-    at_origin = effort(segments, whole.body).about(np.zeros((len(whole), 3))) / whole.body.mass
-    needs = Needs(
+    needs = _needs(segments, whole.body, whole, planned)
+    shift = np.zeros((len(whole), 3))
+    usable = _usable(contacts, soles, STANDING)
+    shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
+    lifted = needs.shifted(shift)
+    level = horizontal_shift(lifted, soles.bounds(usable))
+    shift[:, :2] = level
+    return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
+
+
+def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -> Needs:
+    """What a motion needs of the ground, known frames first."""
+    at_origin = effort(segments, body).about(np.zeros((len(segments), 3))) / body.mass
+    return Needs(
         known=KNOWN,
         fps=whole.fps,
         root=whole.root_position,
@@ -145,13 +167,6 @@ def _balanced(
         moment=at_origin[:, 3:],
         centre=segments.centre,
     )
-    shift = np.zeros((len(whole), 3))
-    usable = _usable(contacts, soles, STANDING)
-    shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
-    lifted = needs.shifted(shift)
-    level = horizontal_shift(lifted, soles.bounds(usable))
-    shift[:, :2] = level
-    return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
 
 
 def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:

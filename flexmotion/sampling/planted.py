@@ -7,7 +7,7 @@ the two feet disagree or a foot lands sooner than the body is lowered.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,39 +58,101 @@ def planted(motion: Motion, past: Motion) -> Motion:
         motion: with contacts; without them it is returned as it is.
         past: the motion before it, of the same body and frame rate, at least one frame.
     """
-    if motion.contacts is None or not len(motion):
-        return motion
-    last = past[len(past) - 1 :]
-    human = forward(motion)
-    feet = np.concatenate([_feet(forward(last)), _feet(human)])  # (T + 1, 2, 2, 3): left and right, heel and toe
-    loaded = motion.contacts.astype(np.float64)
-    share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
-    share = (share[1:] + share[:-1])[..., None]
-    velocity = np.diff(feet[..., :2], axis=0) * motion.fps
-    slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
-    speed = np.linalg.norm(slip, axis=-1)
-    height = feet[1:, ..., 2].min(axis=2)
-    may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
-    firm = may * np.exp(-speed / CHOOSING)
-    stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
-    # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
-    yaw = continuous_matrix_heading(human.pelvis_rotation)[:, None]
-    facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
-    aside = slip - ahead
-    holds = np.clip(1.0 - np.linalg.norm(aside, axis=-1, keepdims=True) / GLIDING, 0.0, 1.0)
-    held = stands[..., None] * (ahead + holds * aside)
-    shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
-    shift = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
+    return planted_holding(motion, past)[0]
 
-    error = np.clip(height, BELOW, ABOVE) - height
-    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
+
+def planted_holding(motion: Motion, past: Motion) -> tuple[Motion, Holding | None]:
+    """`planted`, and how each foot was held; None where nothing is planted."""
+    if motion.contacts is None or not len(motion):
+        return motion, None
+    human = forward(motion)
+    feet = np.concatenate([_feet(forward(past[len(past) - 1 :])), _feet(human)])
+    height = feet[1:, ..., 2].min(axis=2)
+    holding = Holding.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
+    shift = holding.shift(feet)
+
     position = motion.root_position.copy()
-    position[:, :2] -= np.cumsum(shift, axis=0) / motion.fps
-    lift = _settled(wanted, motion.fps)
+    position[:, :2] -= shift
+    lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
     down = _remaining(height + lift[:, None], motion.contacts)
-    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle)
+    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle), holding
+
+
+def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
+    """How far the body is raised for its loaded feet to stand on the floor, (T,) [m].
+
+    Args:
+        height: of the lower of heel and toe of both feet, (T, 2) [m].
+        contacts: feet that carry load, (T, 2).
+        fps: frames per second.
+    """
+    loaded = contacts.astype(np.float64)
+    error = np.clip(height, BELOW, ABOVE) - height
+    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
+    return _settled(wanted, fps)
+
+
+@dataclass(frozen=True)
+class Holding:
+    """How far each foot is held in place at each of T frames.
+
+    Attributes:
+        parts: shares of heel and toe in a foot's slip, (T, 2, 2).
+        held: part of a foot's slip that the root makes up for, (T, 2, 2, 2): from forward and left of the foot's slip
+            to forward and left of the root.
+    """
+
+    parts: Float
+    held: Float
+
+    @classmethod
+    def of(cls, feet: Float, contacts: NDArray[np.bool_], pelvis: Float, fps: float) -> Holding:
+        """From a motion that is not planted yet.
+
+        Args:
+            feet: heel and toe of both feet in the frame before, then in each frame, (T + 1, 2, 2, 3) [m].
+            contacts: feet that carry load, (T, 2).
+            pelvis: rotation, (T, 3, 3).
+            fps: frames per second.
+        """
+        loaded = contacts.astype(np.float64)
+        share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
+        share = share[1:] + share[:-1]
+        parts = share / share.sum(axis=2, keepdims=True)
+        slip = (parts[..., None] * np.diff(feet[..., :2], axis=0)).sum(axis=2) * fps
+        speed = np.linalg.norm(slip, axis=-1)
+        height = feet[1:, ..., 2].min(axis=2)
+        may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
+        firm = may * np.exp(-speed / CHOOSING)
+        firm = firm / np.maximum(firm.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+        stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
+        # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
+        yaw = continuous_matrix_heading(pelvis)[:, None]
+        facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+        along = facing[..., None] * facing[..., None, :]
+        ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
+        holds = np.clip(1.0 - np.linalg.norm(slip - ahead, axis=-1) / GLIDING, 0.0, 1.0)[..., None, None]
+        return cls(parts, (firm * stands)[..., None, None] * (along + holds * (np.eye(2) - along)))
+
+    def turned(self, yaw: float) -> Holding:
+        """The same in axes from which those of the motion are turned by an angle about the vertical [rad]."""
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        return Holding(self.parts, turn @ self.held @ turn.T)
+
+    def shift(self, feet: NDArray) -> NDArray:
+        """Displacement of the feet that the root makes up for, (T, 2, ...) [as `feet`].
+
+        Args:
+            feet: heel and toe of both feet in the frame before, then in each frame, or derivatives of them,
+                (T + 1, 2, 2, 2 or more, ...).
+        """
+        moved = np.diff(feet[:, :, :, :2], axis=0)
+        slip = np.einsum("tfh,tfhi...->tfi...", self.parts, moved)
+        step = np.einsum("tfij,tfj...->ti...", self.held, slip)
+        found: Float = np.cumsum(convolve1d(step, SMOOTH, axis=0, mode="nearest"), axis=0)
+        return found
 
 
 def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
+from onnxruntime import InferenceSession
 
-from flexmotion.biomechanics.differentiation import EDGE
-from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
-from flexmotion.features.decode import Anchor, decode, root_path
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
-from flexmotion.sampling.at_rest import at_rest
-from flexmotion.sampling.delivery import KNOWN, Delivered, delivered
+from flexmotion.sampling.constraint_solver import CORRECTIONS, OF_BALANCED, UNREACHED, ConstraintSolver
+from flexmotion.sampling.delivery import KNOWN, Delivered
+from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
-from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.pace import Pace
-from flexmotion.sampling.planted import planted
+from flexmotion.sampling.tangent import Tangent, decoder_jacobian
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import BACK, STAND, WALK
@@ -59,6 +60,7 @@ class Condition:
         asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
             of `velocity`; None for no such correction.
         noise: factor of the noise that the window is sampled from.
+        constraints: places, angles, path and forces that are asked of single frames; None for none.
     """
 
     text: str | None = None
@@ -69,6 +71,7 @@ class Condition:
     pace: Pace | None = None
     asked: tuple[float, float, float] | None = None
     noise: float = 1.0
+    constraints: Constraints | None = None
 
 
 class Sampler:
@@ -80,16 +83,23 @@ class Sampler:
         unjudged: whether to offer what the bundle knows and was not judged to do, as its judges need.
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion (`delivery.py`);
             else they are as planted, with the forces of the decoder, as earlier versions sampled them.
+        corrections: steps by which windows with constraints are corrected (`constraint_solver.py`).
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.
     """
 
     def __init__(
-        self, bundle: Bundle, steps: int | None = None, *, unjudged: bool = False, balanced: bool = True
+        self,
+        bundle: Bundle,
+        steps: int | None = None,
+        *,
+        unjudged: bool = False,
+        balanced: bool = True,
+        corrections: int = CORRECTIONS,
     ) -> None:
         manifest = bundle.manifest
-        self.balanced = balanced
+        self.balanced, self.corrections = balanced, corrections
         self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
         self.history, self.future = manifest.history, manifest.future
         self.steps = manifest.steps if steps is None else steps
@@ -177,7 +187,8 @@ class Sampler:
             seed: of the noise.
 
         Raises:
-            ValueError: the history is empty, or has another frame rate or body.
+            ValueError: the history is empty, or has another frame rate or body; or constraints are of another model, or
+                of what it cannot follow.
             ConfigError: a network of the bundle fails.
         """
         return self.extend(history, condition, seed).window
@@ -192,35 +203,63 @@ class Sampler:
             ValueError, ConfigError: see `sample`.
         """
         remembered = self._remember(history)
-        found = self._decoded(remembered, condition, seed)
-        features = inertialised(found, remembered, self.layout)
-        if not self.balanced:
-            return Delivered(history[max(0, len(history) - EDGE) :], self.planted(features, history, condition))
-        motion = self.planted(steadied(features, remembered, self.layout), history, condition)
-        return delivered(motion, history, self._accelerations(found, Anchor.after(history)))
+        latent = self._latent(remembered, condition, seed)
+        constraints = condition.constraints
+        if constraints is not None and constraints.asked:
+            self._check(constraints)
+            draft = self._draft(history, remembered, condition)
+            return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
+        found = self._frames(latent)
+        draft = self._draft(history, remembered, condition)
+        return draft.delivered(draft.planted(draft.joined(found))[0], found)
 
     def planted(self, features: Float32, history: Motion, condition: Condition) -> Motion:
         """Motion of features after a history, its loaded feet in place; forces are as decoded."""
-        decoded = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
-        motion = planted(decoded, history)
-        return at_rest(motion, self._rest) if self._stands(self.meant(condition)) else motion
+        return self._draft(history, features[:0], condition).planted(features)[0]
+
+    def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
+        """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
+        rests = condition.constraints is None and self._stands(self.meant(condition))
+        rest = self._rest if rests else None
+        return Draft(self.layout, self.body, history, remembered, self.balanced, rest, self._source)
+
+    def _check(self, constraints: Constraints) -> None:
+        """Raise `ValueError` where constraints are of another model, or the model cannot follow them."""
+        if constraints.layout.layout != self.layout or constraints.body != self.body:
+            raise ValueError(f"the constraints are of another layout or body than model {self.name}'s")
+        if len(constraints.mask) != self.future:
+            raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {self.future}")
+        unreached = () if self.bundle.has_control else (*UNREACHED, *(() if self.balanced else OF_BALANCED))
+        for name in unreached:
+            if name in constraints.layout.blocks and constraints.mask[:, constraints.layout.blocks[name]].any():
+                balance = " and its windows are not balanced" if name in OF_BALANCED else ""
+                raise ValueError(f"constraints of {name}: model {self.name} has no control branch{balance}")
+
+    @cached_property
+    def _solver(self) -> ConstraintSolver:
+        """Made on first use."""
+        return ConstraintSolver(self.layout, Tangent.of(self._jacobian(), self.history, self.layout))
+
+    def _jacobian(self) -> Float32:
+        """Derivatives of the decoder's features, not normalised, by its latent, (W, F, L)."""
+        found = self.bundle.jacobian
+        if found is None:
+            history = self._statistics.normalise(self.bundle.rest[len(self.bundle.rest) - self.history :])
+            found = decoder_jacobian(lambda latent: self._decode(latent, history[None]), self.bundle.manifest.latent)
+        return found * self._statistics.spread[:, None]
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of a sample as decoded, before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
-        return inertialised(self._decoded(remembered, condition, seed), remembered, self.layout)
+        return inertialised(self._frames(self._latent(remembered, condition, seed)), remembered, self.layout)
 
-    def _decoded(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
-        """Features of a sample that do not join the history yet, not normalised, (W, layout.size)."""
-        latent = self._latent(remembered, condition, seed)
-        inputs = {"latent": latent, "history": self._inputs["history"][:1]}
-        return self._statistics.restore(run(self._decoder, self.bundle.folder / DECODER, inputs)[0])
+    def _frames(self, latent: Float32) -> Float32:
+        """Features of a latent after the history of the last request, not joined to it, not normalised, (W, F)."""
+        return self._statistics.restore(self._decode(latent, self._inputs["history"][:1]))
 
-    def _accelerations(self, found: Float32, anchor: Anchor) -> NDArray[np.float64]:
-        """Second derivative of the root's path of a sample that does not join the history yet, (W, 3) [m/s²]."""
-        path, _ = root_path(found, self.layout, self.body, anchor)
-        middle = np.diff(path, n=2, axis=0) * self.fps**2
-        return np.concatenate([middle[:1], middle, middle[-1:]]) if len(middle) else np.zeros_like(path)
+    def _decode(self, latent: Float32, history: Float32) -> Float32:
+        """Normalised features, (W, F), of a latent (1, L) after a normalised history (1, H, F)."""
+        return run(self._decoder, self.bundle.folder / DECODER, {"latent": latent, "history": history})[0]
 
     def _remember(self, history: Motion) -> Float32:
         """Features of the history, not normalised, (H, F)."""
@@ -253,13 +292,26 @@ class Sampler:
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
             inputs["time"][:] = now
-            found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
-            clean = found if manifest.guided else guided(found, scale, manner_scale)
+            clean = self._estimate(condition, scale, manner_scale)
             kept = self._kept[now]
             left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
             noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
         return noisy
+
+    def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
+        """The network's estimate of the clean latent from its inputs, (1, L)."""
+        asked, folder = condition.constraints, self.bundle.folder
+        if asked is not None and asked.asked and self.bundle.has_control:
+            values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
+            return run(self._controlled, folder / CONTROL, self._inputs | values)
+        found = run(self._denoiser, folder / DENOISER, self._inputs)
+        return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
+
+    @cached_property
+    def _controlled(self) -> InferenceSession:
+        """The network with its control branch, opened on first use."""
+        return open_session(self.bundle.folder / CONTROL)
 
     def meant(self, condition: Condition) -> Condition:
         """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""

@@ -87,6 +87,21 @@ class Denoiser(nn.Module):
             present: whether sentence, velocity and manner are given, (N, 3), 1 or 0.
             guidance: scales of the request and of its manner, (N, 2); guided networks only.
         """
+        tokens = self.tokens(noisy, time, history, sentence, velocity, manner, present, guidance)
+        return self.leave(self.stack(tokens)[:, 0])
+
+    def tokens(
+        self,
+        noisy: Tensor,
+        time: Tensor,
+        history: Tensor,
+        sentence: Tensor,
+        velocity: Tensor,
+        manner: Tensor,
+        present: Tensor,
+        guidance: Tensor | None = None,
+    ) -> Tensor:
+        """Tokens of the inputs of `forward`, with their places, (N, 5 + history / patch, width)."""
         when = self.time(sinusoids(time, self.width))
         if self.guidance is not None and self.manner_guidance is not None and guidance is not None:
             scales = guidance * GUIDANCE_UNIT
@@ -107,7 +122,7 @@ class Denoiser(nn.Module):
         )
         if self.recall is not None:
             tokens = torch.cat([tokens, self.recall(history)], dim=1)
-        return self.leave(self.stack(tokens + self.place)[:, 0])
+        return tokens + self.place
 
 
 def _zero_at_first(width: int) -> nn.Sequential:

@@ -11,12 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle, write_bundle
+from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, JACOBIAN, Bundle, write_bundle
 from flexmotion.bundles.card import Making, write_card
 from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
+from flexmotion.features.constraint_layout import ConstraintLayout
 from flexmotion.human.body import Body
+from flexmotion.sampling.tangent import decoder_jacobian
 from flexmotion.text.manners import manner_wordings
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sayings import sayings
@@ -24,6 +26,7 @@ from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncode
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import is_trained, load_weights, training_record
+from flexmotion.training.control_branch import ConstrainedDenoiser, ControlBranch
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.eight_bits import to_eight_bits
 from flexmotion.training.export_onnx import export_network
@@ -115,13 +118,20 @@ def export(
         inputs["guidance"] = torch.ones(rows, 2)
     export_network(denoiser, folder / DENOISER, inputs, ["clean"])
     decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
-    export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
+    decoder = Decoder(autoencoder, denoiser).eval()
+    export_network(decoder, folder / DECODER, decoding, ["frames"])
+    networks = [DENOISER, DECODER, NETWORK]
+    if distilled and is_trained(run.stage("control")):
+        export_control(run, denoiser, folder / CONTROL, inputs)
+        networks.append(CONTROL)
+    else:
+        (folder / CONTROL).unlink(missing_ok=True)
     for name in (NETWORK, VOCABULARY):
         copyfile(run.stage("text") / name, folder / name)
     if eight_bits:
         for name in (DENOISER, DECODER):
             to_eight_bits(folder / name)
-    for name in (DENOISER, DECODER, NETWORK):
+    for name in networks:
         halve_weights(folder / name)
     body = summary.with_proportions(body or Body())
     manifest = Manifest(
@@ -149,13 +159,49 @@ def export(
         versions={name: version(name) for name in LIBRARIES},
     )
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
-    if is_trained(run.stage("forces")):
-        names.append("forces")
+    names += [name for name in ("forces", "control") if is_trained(run.stage(name)) and (distilled or name == "forces")]
     records = {name: training_record(run.stage(name)) for name in names}
     begun = "" if run.origin is None else f"{run.origin.name}, hash {run.origin.hash}"
     made = Making(config.name, summary.hours, summary.clips, run.seed, records, begun)
     write_card(folder, manifest, made)
-    return write_bundle(folder, manifest, _arrays(run, summary, diffusion.steps))
+    arrays = _arrays(run, summary, diffusion.steps)
+    if window.history:  # models of whole clips have a large one, which is measured where it is needed
+        arrays[JACOBIAN] = _jacobian(run, decoder, summary)
+    return write_bundle(folder, manifest, arrays)
+
+
+def load_control(run: Run, denoiser: Denoiser) -> ConstrainedDenoiser:
+    """The distilled denoiser of a run with its control branch.
+
+    Raises:
+        ConfigError: the branch has not been trained, or was trained on another denoiser.
+    """
+    branch = ControlBranch(denoiser, run.config.control, run.config.window, run.layout)
+    load_weights(branch, run.stage("control"))
+    return ConstrainedDenoiser(denoiser, branch).eval()
+
+
+def export_control(run: Run, denoiser: Denoiser, path: Path, inputs: dict[str, Tensor]) -> None:
+    """Write the denoiser with its control branch; `inputs`: those of the denoiser."""
+    shape = (1, run.config.window.future, ConstraintLayout(run.layout).size)
+    constraints = {"values": torch.zeros(shape), "mask": torch.zeros(shape)}
+    export_network(load_control(run, denoiser), path, inputs | constraints, ["clean"])
+
+
+def _jacobian(run: Run, decoder: Decoder, summary: SetSummary) -> np.ndarray:
+    """Derivatives of a standing human's decoded motion by the latent; see `bundle.JACOBIAN`."""
+    window, size = run.config.window, decoder.autoencoder.latent
+    rest = summary.statistics.normalise(summary.rest)[len(summary.rest) - window.history :]
+    history = torch.from_numpy(rest)[None]
+
+    def decode(latent: np.ndarray) -> np.ndarray:
+        with torch.no_grad():
+            found: np.ndarray = decoder(torch.from_numpy(latent), history)[0].numpy()
+        return found
+
+    blocks = run.layout.blocks
+    moved = slice(blocks["root"].start, blocks["rotations"].stop)
+    return decoder_jacobian(decode, size)[:, moved].astype(np.float16)
 
 
 def _arrays(run: Run, summary: SetSummary, steps: int) -> dict[str, np.ndarray]:

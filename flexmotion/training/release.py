@@ -32,6 +32,7 @@ from flexmotion.training.checkpoints import (
     training_record,
     write_checkpoint,
 )
+from flexmotion.training.control_branch import ControlBranch
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.half_weights import halve_weights
@@ -51,6 +52,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "autoencoder": (),
     "diffusion": ("autoencoder",),
     "distill": ("autoencoder", "diffusion"),
+    "control": ("autoencoder", "diffusion", "distill"),
     "evaluator": (),
 }
 """Stages of which a release can hold weights, and the stages that they build on. The stage `forces` is part of the
@@ -178,8 +180,11 @@ def _network(config: ModelConfig, layout: Layout, stage: str) -> nn.Module:
         return Autoencoder(config.autoencoder, config.window, layout)
     if stage == "evaluator":
         return Evaluator(config.evaluator, config.window, layout, config.diffusion.text)
-    latent, guided = config.autoencoder.latent, stage == "distill"
-    return Denoiser(config.diffusion, config.window, layout, latent, guided=guided)
+    latent, guided = config.autoencoder.latent, stage in ("distill", "control")
+    denoiser = Denoiser(config.diffusion, config.window, layout, latent, guided=guided)
+    if stage == "control":
+        return ControlBranch(denoiser, config.control, config.window, layout)
+    return denoiser
 
 
 def _fitting(config: ModelConfig, layout: Layout, stage: str, release: ReleaseFile) -> None:

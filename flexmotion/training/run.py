@@ -246,7 +246,7 @@ def _read_saved(content: dict[str, Any], path: Path) -> _Saved:
 
 def _fixed(config: ModelConfig) -> dict[str, Any]:
     """Settings that must stay the same while a training is resumed: all but durations, rates and loss weights."""
-    content = config.model_dump(exclude={"stages", "losses", "corrections"})
+    content = config.model_dump(exclude={"stages", "losses", "corrections", "control"})
     free = set(type(config.diffusion).model_fields) - {"denoiser", "steps", "text", "velocity"}
     content["diffusion"] = {name: value for name, value in content["diffusion"].items() if name not in free}
     # Trainings from before these settings existed resume as without them.

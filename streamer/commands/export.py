@@ -41,8 +41,8 @@ def export(
     stages: Annotated[
         str | None,
         typer.Option(
-            help="Of the weights file, with commas: autoencoder, text, diffusion, distill, evaluator; default: all"
-            " that are trained. Without text, the sentence encoder is written to the folder text beside the file.",
+            help="Of the weights file, with commas: autoencoder, text, diffusion, distill, control, evaluator; default:"
+            " all that are trained. Without text, the sentence encoder is written to the folder text beside the file.",
             show_default=False,
         ),
     ] = None,

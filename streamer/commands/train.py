@@ -234,6 +234,27 @@ def distill(run: Run, finish: Finish) -> None:
 
 
 @_stage
+def control(run: Run, finish: Finish) -> None:
+    """Train the control branch: places, path, torques, forces, muscles of single frames. Needs distill.
+
+    [bold]Examples[/bold]
+
+      flexmotion train control -o training --minutes 60
+
+      flexmotion train control --from released.safetensors --set set -o further
+    """
+    from flexmotion.training.checkpoints import digest, load_weights
+    from flexmotion.training.control_task import ControlTask
+    from flexmotion.training.export import load_networks
+
+    student = load_networks(run, distilled=True)[1]
+    teacher = _diffusion_task(run)
+    load_weights(teacher.network, run.stage("diffusion"))
+    built_on = digest(dict(student.named_parameters())) + run.config.control.model_dump_json(exclude={"latent"})
+    finish(ControlTask(run.config, teacher, student, run.seed), pretrained=built_on)
+
+
+@_stage
 def forces(run: Run, finish: Finish) -> None:
     """Train torques, forces, contacts and activations further; the motion does not change. Needs autoencoder.
 

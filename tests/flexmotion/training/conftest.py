@@ -20,6 +20,7 @@ from flexmotion.human.motion import Motion
 if TYPE_CHECKING:
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.training.autoencoder_task import AutoencoderTask
+    from flexmotion.training.control_task import ControlTask
     from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Progress, Task
@@ -49,6 +50,8 @@ def _small(name: str, changes: dict[str, object], path: Path) -> Path:
     content["autoencoder"] |= {"latent": 16, "encoder": SMALL, "decoder": SMALL}
     content["diffusion"] |= {"denoiser": SMALL, "text": 24, "roll_out_from": 2, "roll_out_grown": 3}
     content["distillation"]["grid"] = 10
+    content["control"] = {"layers": 1}
+    content["stages"]["control"] = {"learning_rate": 3.0e-4}
     content["evaluator"] = {"motion": SMALL, "width": 16}
     for stage in content["stages"].values():
         stage |= {"steps": 6, "batch": 8, "warm_up": 2, "validate_every": 3}
@@ -132,6 +135,16 @@ class Stages:
 
         return AutoencoderTask(run.config, run.store(), run.seed, Processes(), trained=run.stage("autoencoder"))
 
+    def control(self, run: Run) -> ControlTask:
+        """A new control branch on the run's distilled model."""
+        from flexmotion.training.checkpoints import load_weights
+        from flexmotion.training.control_task import ControlTask
+        from flexmotion.training.export import load_networks
+
+        teacher = self.diffusion(run)
+        load_weights(teacher.network, run.stage("diffusion"))
+        return ControlTask(run.config, teacher, load_networks(run, distilled=True)[1], run.seed)
+
     def diffusion(self, run: Run) -> DiffusionTask:
         """A new diffusion on the run's autoencoder."""
         from flexmotion.text.sentence_encoder import SentenceEncoder
@@ -172,6 +185,21 @@ def trained(small_set: Path, stream_config: Path, stages: Stages, tmp_path_facto
     stages.train(run, "distill", DistillationTask(run.config, diffusion, run.seed))
     stages.train(run, "forces", stages.forces(run))
     return run
+
+
+@pytest.fixture(scope="session")
+def controlled(
+    trained: Run, small_set: Path, stages: Stages, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Run, ControlTask]:
+    """A copy of the run with a control branch, and the branch's task."""
+    from flexmotion.training.run import Run
+
+    folder = tmp_path_factory.mktemp("controlled") / "stream"
+    copytree(trained.folder, folder)
+    run = Run(folder)
+    task = stages.control(run)
+    stages.train(run, "control", task)
+    return run, task
 
 
 @pytest.fixture(scope="session")

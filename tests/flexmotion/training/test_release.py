@@ -271,4 +271,4 @@ def test_a_release_of_a_training_that_is_still_running(
     assert execute(["export", str(copy), "--weights", "-o", str(path), "--stages", "diffusion"]) == 2
     assert "run 'flexmotion train diffusion' first" in capsys.readouterr().err
     assert execute(["export", str(copy), "--weights", "-o", str(path), "--stages", "decoder"]) == 2
-    assert "expected one of: autoencoder, diffusion, distill, evaluator, text" in capsys.readouterr().err
+    assert "expected one of: autoencoder, diffusion, distill, control, evaluator, text" in capsys.readouterr().err

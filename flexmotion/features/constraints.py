@@ -1,0 +1,206 @@
+"""`Constraints`: what is asked of the frames of one window beside words: places, rotations, path, torques, forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexmotion.features.constraint_layout import (
+    CENTRES,
+    FORCES,
+    PATH,
+    PLACES,
+    ROTATIONS,
+    TORQUE_LIMITS,
+    TORQUES,
+    ConstraintLayout,
+)
+from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, ball_matrices, six
+from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
+from flexmotion.human.body import Body
+from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.spatial.gravity import GRAVITY
+
+Float = NDArray[np.float64]
+Frames = int | slice | Sequence[int]
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """Values that are asked of a window, and where; made by adding to `Constraints.none`.
+
+    Places are in the frame of the window: on the floor below the pelvis of the last known frame, x along its heading, z
+    up (`Anchor.local` brings places of the world there). Every method gives new constraints with more asked.
+
+    Attributes:
+        layout: of the columns.
+        body: of the human, for units.
+        values: in the units of the layout, (W, C).
+        mask: whether a value is asked, (W, C).
+    """
+
+    layout: ConstraintLayout
+    body: Body
+    values: Float
+    mask: NDArray[np.bool_]
+
+    @classmethod
+    def none(cls, layout: Layout, body: Body, frames: int) -> Constraints:
+        """Nothing is asked of a window.
+
+        Args:
+            layout: of the model's features (`Sampler.layout`).
+            body: of the human (`Sampler.body`).
+            frames: of a window (`Sampler.future`), W.
+        """
+        columns = ConstraintLayout(layout)
+        shape = (frames, columns.size)
+        return cls(columns, body, np.zeros(shape), np.zeros(shape, np.bool_))
+
+    @property
+    def asked(self) -> bool:
+        """Whether anything is."""
+        return bool(self.mask.any())
+
+    def place(self, point: str, frames: Frames, place: ArrayLike) -> Constraints:
+        """A point of the body is at a place.
+
+        Args:
+            point: of `layout.POINTS`, such as `hand_r`.
+            frames: of the window, from 0.
+            place: (3,), or one for each frame, (K, 3) [m]; NaN for a coordinate that is free.
+
+        Raises:
+            ValueError: unknown point, or another shape.
+        """
+        first = self.layout.blocks[PLACES].start + 3 * _index(point, POINTS, "point")
+        return self._with(slice(first, first + 3), frames, np.asarray(place, float) / self.body.leg)
+
+    def path(self, frames: Frames, place: ArrayLike | None = None, heading: ArrayLike | None = None) -> Constraints:
+        """The pelvis is above a place of the floor, or heads somewhere.
+
+        Args:
+            frames: of the window, from 0.
+            place: forward and left, (2,) or (K, 2) [m]; None where it is free.
+            heading: (,) or (K,) [rad], positive to the left; None where it is free.
+
+        Raises:
+            ValueError: another shape.
+        """
+        first, found = self.layout.blocks[PATH].start, self
+        if place is not None:
+            found = found._with(slice(first, first + 2), frames, np.asarray(place, float) / self.body.leg)
+        if heading is not None:
+            found = found._with(slice(first + 3, first + 4), frames, np.asarray(heading, float)[..., None])
+        return found
+
+    def height(self, frames: Frames, height: ArrayLike) -> Constraints:
+        """The pelvis is at a height above the floor, (,) or (K,) [m]."""
+        first = self.layout.blocks[PATH].start + 2
+        return self._with(slice(first, first + 1), frames, np.asarray(height, float)[..., None] / self.body.leg)
+
+    def angles(self, joint: str, frames: Frames, angles: ArrayLike) -> Constraints:
+        """A joint has an angle, or three.
+
+        Args:
+            joint: a single hinge by its name (`knee_flexion_l`), or a joint of three coordinates by its first part
+                (`hip_l`, `shoulder_r`, `lumbar`, `neck`).
+            frames: of the window, from 0.
+            angles: of a hinge (,) or (K,), of three coordinates in the order of `skeleton.JOINTS` (3,) or (K, 3) [rad].
+
+        Raises:
+            ValueError: unknown joint, or another shape.
+        """
+        start = self.layout.blocks[ROTATIONS].start + PELVIS_SIZE
+        if joint in HINGES:
+            column = start + 6 * len(BALLS) + HINGES.index(joint)
+            return self._with(slice(column, column + 1), frames, np.asarray(angles, float)[..., None])
+        names = [_ball_name(ball) for ball in BALLS]
+        number = _index(joint, (*names, *HINGES), "joint")
+        given = np.asarray(angles, float)
+        if given.shape[-1:] != (3,):
+            raise ValueError(f"{joint}: angles have shape {given.shape}, expected (3,) or (K, 3)")
+        joints = np.zeros((*given.shape[:-1], len(JOINTS)))
+        joints[..., [JOINTS.index(name) for name in BALLS[number]]] = given
+        first = start + 6 * number
+        return self._with(slice(first, first + 6), frames, six(ball_matrices(joints)[..., number, :, :]))
+
+    def torque(self, joint: str, frames: Frames, torque: ArrayLike) -> Constraints:
+        """A joint has a torque, (,) or (K,) [N·m]."""
+        return self._torques(TORQUES, joint, frames, torque)
+
+    def torque_limit(self, joint: str, frames: Frames, limit: ArrayLike) -> Constraints:
+        """A joint's torque is no larger than a limit in either direction, (,) or (K,) [N·m].
+
+        Raises:
+            ValueError: unknown joint, another shape, or a negative limit.
+        """
+        if np.min(limit) < 0:
+            raise ValueError(f"{joint}: torque limit is {np.min(limit):g} N·m, expected 0 or more")
+        return self._torques(TORQUE_LIMITS, joint, frames, limit)
+
+    def contact_force(self, side: str, frames: Frames, force: ArrayLike, place: ArrayLike | None = None) -> Constraints:
+        """The ground acts on a foot.
+
+        Args:
+            side: `l` or `r`.
+            frames: of the window, from 0.
+            force: (3,) or (K, 3) [N]; zeros for a foot that bears nothing, NaN for a component that is free.
+            place: centre of pressure on the floor, (2,) or (K, 2) [m]; None where it is free.
+
+        Raises:
+            ValueError: unknown side, or another shape.
+        """
+        number = _index(side, SIDES, "side")
+        first = self.layout.blocks[FORCES].start + 3 * number
+        weight = self.body.mass * GRAVITY
+        found = self._with(slice(first, first + 3), frames, np.asarray(force, float) / weight)
+        if place is None:
+            return found
+        first = self.layout.blocks[CENTRES].start + 2 * number
+        return found._with(slice(first, first + 2), frames, np.asarray(place, float) / self.body.leg)
+
+    def activation(self, muscle: int, frames: Frames, activation: ArrayLike) -> Constraints:
+        """A muscle is active, (,) or (K,) in [0, 1].
+
+        Raises:
+            ValueError: the model has no such muscle, or another shape.
+        """
+        muscles = self.layout.layout.muscles
+        if not 0 <= muscle < muscles:
+            raise ValueError(f"muscle {muscle}: expected 0 to {muscles - 1}" if muscles else "the model has no muscles")
+        first = self.layout.blocks[ACTIVATIONS].start + muscle
+        return self._with(slice(first, first + 1), frames, np.asarray(activation, float)[..., None])
+
+    def _torques(self, block: str, joint: str, frames: Frames, torque: ArrayLike) -> Constraints:
+        column = self.layout.blocks[block].start + _index(joint, JOINTS, "joint")
+        unit = self.body.mass * GRAVITY * self.body.leg
+        return self._with(slice(column, column + 1), frames, np.asarray(torque, float)[..., None] / unit)
+
+    def _with(self, columns: slice, frames: Frames, values: Float) -> Constraints:
+        """With values in some columns of some frames; NaN: not asked."""
+        chosen = np.atleast_1d(np.arange(len(self.mask))[frames if isinstance(frames, (int, slice)) else list(frames)])
+        shape = (len(chosen), columns.stop - columns.start)
+        try:
+            given = np.broadcast_to(values, shape)
+        except ValueError:
+            raise ValueError(f"values have shape {values.shape}, expected {shape} or {shape[1:]}") from None
+        found, mask = self.values.copy(), self.mask.copy()
+        asked = ~np.isnan(given)
+        found[chosen, columns] = np.where(asked, given, found[chosen, columns])
+        mask[chosen, columns] |= asked
+        return replace(self, values=found, mask=mask)
+
+
+def _ball_name(ball: tuple[str, ...]) -> str:
+    parts = ball[0].split("_")
+    return "_".join([parts[0], *parts[2:]])
+
+
+def _index(name: str, names: Sequence[str], what: str) -> int:
+    if name not in names:
+        raise ValueError(f"{what} {name!r}: expected one of {', '.join(names)}")
+    return list(names).index(name)

@@ -1,0 +1,131 @@
+"""`Draft`: a window on its way from a decoder's features to the motion that is delivered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.features.constraint_layout import CENTRES, FORCES
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.decode import Anchor, decode, root_path
+from flexmotion.features.heading_frame import turned
+from flexmotion.features.inertialise import inertialised
+from flexmotion.features.layout import Layout
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.arm_closing import closable, closed
+from flexmotion.sampling.at_rest import at_rest
+from flexmotion.sampling.delivery import Delivered, delivered
+from flexmotion.sampling.low_pass import steadied
+from flexmotion.sampling.planted import Holding, lifted, planted_holding
+from flexmotion.sampling.window_pose import PELVIS, WindowPose
+from flexmotion.spatial.gravity import GRAVITY
+
+Float = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The steps from a decoder's features to a window, for one history.
+
+    Attributes:
+        layout: of the features.
+        body: of the human.
+        history: the frames before the window.
+        remembered: features of the last of them, not normalised, (H, F).
+        balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
+        rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
+        source: of the motion.
+    """
+
+    layout: Layout
+    body: Body
+    history: Motion
+    remembered: Float32
+    balanced: bool
+    rest: Float | None
+    source: str
+
+    @cached_property
+    def anchor(self) -> Anchor:
+        """The frame before the window."""
+        return Anchor.after(self.history)
+
+    def joined(self, found: Float32) -> Float32:
+        """Decoded features that continue the history, low-passed where windows are balanced, (W, F)."""
+        features = inertialised(found, self.remembered, self.layout)
+        return steadied(features, self.remembered, self.layout) if self.balanced else features
+
+    def planted(self, features: Float32) -> tuple[Motion, Holding | None]:
+        """Motion with its loaded feet in place, forces as decoded; and how the feet were held."""
+        decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
+        motion, holding = planted_holding(decoded, self.history)
+        return motion if self.rest is None else at_rest(motion, self.rest), holding
+
+    def sketched(self, features: Float32) -> tuple[WindowPose, Holding | None]:
+        """Kinematics of the planted window without its motion, in a third of the time: legs are not stretched."""
+        pose = WindowPose.of_features(features, self.layout, self.body)
+        feet, contacts = (
+            np.concatenate([self._feet_before, pose.feet]),
+            features[:, self.layout.blocks["contacts"]] > 0.5,
+        )
+        holding = Holding.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps)
+        lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
+        return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
+
+    @cached_property
+    def _feet_before(self) -> Float:
+        """Heel and toe of both feet in the last known frame, in the frame of the window, (1, 2, 2, 3) [m]."""
+        return WindowPose.of(self.history[len(self.history) - 1 :], self.anchor).feet
+
+    def delivered(self, motion: Motion, found: Float32, constraints: Constraints | None = None) -> Delivered:
+        """A planted window as it is handed on.
+
+        Args:
+            motion: planted.
+            found: features that it was decoded from, before they were joined to the history.
+            constraints: what is asked of its arms is kept by them, as far as they reach; contact forces that are asked
+                take the place of the decoder's, as far as the motion allows.
+        """
+        arms = constraints is not None and bool(constraints.mask[:, closable(constraints)].any())
+
+        def finish(window: Motion) -> Motion:
+            return closed(window, self.anchor, constraints) if arms and constraints is not None else window
+
+        if not self.balanced:
+            return Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
+        if constraints is not None:
+            motion = _with_forces(motion, constraints, self.anchor)
+        return delivered(motion, self.history, self._accelerations(found), finish)
+
+    def _accelerations(self, found: Float32) -> Float:
+        """Second derivative of the root's path before it was joined to the history, (W, 3) [m/s²]."""
+        path, _ = root_path(found, self.layout, self.body, self.anchor)
+        middle = np.diff(path, n=2, axis=0) * self.layout.fps**2
+        return np.concatenate([middle[:1], middle, middle[-1:]]) if len(middle) else np.zeros_like(path)
+
+
+def _with_forces(motion: Motion, constraints: Constraints, anchor: Anchor) -> Motion:
+    """The motion with the ground forces and centres of pressure that are asked in place of the predicted ones."""
+    blocks, body = constraints.layout.blocks, motion.body
+    asked = constraints.mask[:, blocks[FORCES].start : blocks[CENTRES].stop]
+    if motion.wrenches is None or motion.pressure_centres is None or not asked.any():
+        return motion
+    yaw, frames = np.full(len(motion), anchor.yaw), len(motion)
+    wrenches, centres = motion.wrenches.copy(), motion.pressure_centres.copy()
+    # Components that are free keep their predicted values in the axes of the window.
+    own = turned(wrenches[..., :3], -yaw)
+    force = constraints.values[:, blocks[FORCES]].reshape(frames, 2, 3) * (body.mass * GRAVITY)
+    mask = constraints.mask[:, blocks[FORCES]].reshape(frames, 2, 3)
+    wrenches[..., :3] = turned(np.where(mask, force, own), yaw)
+    place = turned(centres - np.append(anchor.place, 0.0), -yaw)
+    centre = constraints.values[:, blocks[CENTRES]].reshape(frames, 2, 2) * body.leg
+    mask = constraints.mask[:, blocks[CENTRES]].reshape(frames, 2, 2)
+    place[..., :2] = np.where(mask, centre, place[..., :2])
+    centres = turned(place, yaw) + np.append(anchor.place, 0.0)
+    return replace(motion, wrenches=wrenches, pressure_centres=centres)

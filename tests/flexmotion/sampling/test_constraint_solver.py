@@ -1,0 +1,132 @@
+"""Windows that keep what is asked of single frames; with the shipped model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.decode import Anchor
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+from flexmotion.sampling.sampler import Condition, Sampler
+
+Sampled = Callable[[Constraints | None], Motion]
+
+
+@pytest.fixture(scope="module")
+def sampler(bundle: Path) -> Sampler:
+    return Sampler(Bundle(bundle), balanced=False)
+
+
+@pytest.fixture(scope="module")
+def balanced(bundle: Path) -> Sampler:
+    return Sampler(Bundle(bundle), corrections=3)
+
+
+@pytest.fixture(scope="module")
+def past(sampler: Sampler) -> Motion:
+    """Two windows of walking."""
+    motion = sampler.standing()
+    for seed in range(2):
+        motion = concatenate([motion, sampler.sample(motion, Condition("walk forward"), seed)])
+    return motion
+
+
+@pytest.fixture
+def nothing(sampler: Sampler) -> Constraints:
+    return Constraints.none(sampler.layout, sampler.body, sampler.future)
+
+
+def hands(motion: Motion, past: Motion) -> np.ndarray:
+    return Anchor.after(past).local(forward(motion).hand[:, 1])
+
+
+def test_a_hand_is_where_it_is_asked_to_be_at_a_keyframe(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    plain = sampler.sample(past, Condition("walk forward"), 5)
+    place = hands(plain, past)[20] + [0.0, 0.05, 0.25]
+    asked = Condition("walk forward", constraints=nothing.place("hand_r", 20, place))
+    found = sampler.sample(past, asked, 5)
+    assert np.linalg.norm(hands(found, past)[20] - place) < 0.05
+    # The other end of the motion is that of the model.
+    assert np.abs(hands(found, past)[0] - hands(plain, past)[0]).max() < 0.05
+
+
+def test_more_corrections_bring_a_whole_path_nearer(
+    sampler: Sampler, past: Motion, nothing: Constraints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, anchor = sampler.sample(past, Condition("walk forward"), 5), Anchor.after(past)
+    bent = anchor.local(plain.root_position)[:, :2] + [0.0, 0.15] * np.linspace(0, 1, len(plain))[:, None]
+    errors = []
+    for corrections in (0, 1, 3):
+        monkeypatch.setattr(sampler, "corrections", corrections)
+        asked = Condition("walk forward", constraints=nothing.path(slice(None), bent))
+        found = anchor.local(sampler.sample(past, asked, 5).root_position)[:, :2]
+        errors.append(np.linalg.norm(found - bent, axis=1).mean())
+    assert errors[2] < errors[1] < errors[0]
+    assert errors[2] < 0.02 < 0.05 < errors[0]
+
+
+def test_balanced_windows_keep_their_constraints_as_they_are_delivered(
+    balanced: Sampler, past: Motion, nothing: Constraints
+) -> None:
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    place = hands(plain, past)[24] + [0.05, 0.1, 0.2]  # .23 m away
+    asked = Condition("walk forward", constraints=nothing.place("hand_r", 24, place))
+    assert np.linalg.norm(hands(balanced.sample(past, asked, 5), past)[24] - place) < 0.07
+
+
+def test_windows_without_constraints_are_as_ever(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    plain = sampler.sample(past, Condition("walk forward"), 5)
+    same = sampler.sample(past, Condition("walk forward", constraints=nothing), 5)
+    np.testing.assert_array_equal(plain.joints, same.joints)
+
+
+def test_ground_forces_are_shared_as_asked(balanced: Sampler, nothing: Constraints) -> None:
+    standing = balanced.standing()
+    weight = balanced.body.mass * 9.81
+    asked = nothing.contact_force("l", slice(None), [np.nan, np.nan, 0.7 * weight])
+    asked = asked.contact_force("r", slice(None), [np.nan, np.nan, 0.3 * weight])
+    load = [
+        balanced.sample(standing, Condition(None, constraints=one), 2).wrenches[8:, :, 2]  # type: ignore[index]
+        for one in (nothing, asked)
+    ]
+    wrong = [np.abs(one / weight - [0.7, 0.3]).mean() for one in load]
+    assert wrong[1] < 0.5 * wrong[0]
+
+
+def test_a_torque_stays_below_its_limit(balanced: Sampler, past: Motion, nothing: Constraints) -> None:
+    knee = 6 + JOINTS.index("knee_flexion_r")
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    assert plain.torques is not None
+    limit = 0.8 * np.abs(plain.torques[:, knee]).max()
+    asked = Condition("walk forward", constraints=nothing.torque_limit("knee_flexion_r", slice(None), limit))
+    found = balanced.sample(past, asked, 5)
+    assert found.torques is not None
+    beyond = [np.maximum(np.abs(one.torques[:, knee]) - limit, 0.0).sum() for one in (plain, found)]
+    assert beyond[1] < 0.3 * beyond[0]
+
+
+def test_what_a_sampler_cannot_follow_is_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    limited = nothing.torque_limit("knee_flexion_r", slice(None), 20.0)
+    with pytest.raises(ValueError, match="torque_limits: .* windows are not balanced"):
+        sampler.sample(past, Condition("walk forward", constraints=limited), 5)
+    with pytest.raises(ValueError, match="activations: .* no control branch"):
+        sampler.sample(past, Condition("walk", constraints=nothing.activation(3, 0, 0.5)), 5)
+
+
+def test_constraints_of_another_model_are_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    shorter = nothing.place("hand_r", 0, np.zeros(3))
+    shorter = replace(shorter, values=shorter.values[:-1], mask=shorter.mask[:-1])
+    with pytest.raises(ValueError, match="frames"):
+        sampler.sample(past, Condition("walk", constraints=shorter), 0)
+    other = replace(nothing.place("hand_r", 0, np.zeros(3)), body=replace(sampler.body, mass=50.0))
+    with pytest.raises(ValueError, match="another layout or body"):
+        sampler.sample(past, Condition("walk", constraints=other), 0)
