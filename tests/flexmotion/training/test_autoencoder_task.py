@@ -89,4 +89,4 @@ def test_a_zero_has_no_sign_to_tell_motions_apart(trained: Run, tmp_path: Path) 
         weights = torch.load(run.stage(stage) / BEST, weights_only=True)
         weights["network"]["read.maps.root.weight"][0, 0] = zero
         torch.save(weights, run.stage(stage) / BEST)
-    load_networks(run, distilled=False)
+    load_autoencoder(run)
