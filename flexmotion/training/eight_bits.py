@@ -49,7 +49,7 @@ def to_eight_bits(path: Path) -> int:
         packed, scales = quantised(product)
         inputs, outputs = product.shape
         names = [f"{stored}.eight_bits", f"{stored}.scales"]
-        tensors = [numpy_helper.from_array(value, name) for value, name in zip((packed, scales), names, strict=True)]
+        tensors = [numpy_helper.from_array(packed, names[0]), numpy_helper.from_array(scales, names[1])]
         bias = node.input[2] if len(node.input) > 2 else ""
         made = helper.make_node(
             "MatMulNBits",

@@ -36,12 +36,19 @@ def attention(query: Tensor, key: Tensor, value: Tensor, heads: int) -> Tensor:
     """
     samples, length, width = query.shape
     if torch.onnx.is_in_onnx_export():
-        inputs, how = (query, key, value), {"num_heads": heads}
-        name = "com.microsoft::MultiHeadAttention"
-        exported: Tensor = torch.onnx.ops.symbolic(name, inputs, how, dtype=query.dtype, shape=query.shape, version=1)
+        exported: Tensor = torch.onnx.ops.symbolic(
+            "com.microsoft::MultiHeadAttention",
+            (query, key, value),
+            {"num_heads": heads},
+            dtype=query.dtype,
+            shape=query.shape,
+            version=1,
+        )
         return exported
-    parts = (one.view(samples, length, heads, width // heads).transpose(1, 2) for one in (query, key, value))
-    found = nn.functional.scaled_dot_product_attention(*parts)
+    query, key, value = (
+        one.view(samples, length, heads, width // heads).transpose(1, 2) for one in (query, key, value)
+    )
+    found = nn.functional.scaled_dot_product_attention(query, key, value)
     return found.transpose(1, 2).reshape(samples, length, width)
 
 
