@@ -82,8 +82,7 @@ def test_forces_of_another_motion_are_refused(trained: Run, tmp_path: Path) -> N
 
 
 def test_a_zero_has_no_sign_to_tell_motions_apart(trained: Run, tmp_path: Path) -> None:
-    """Regression: weights read from half precision had negative zeros, their averages positive ones: forces trained
-    on them were refused as of another autoencoder."""
+    """Regression: weights from half precision had negative zeros, their averages positive ones, and were refused."""
     run = personal_run(trained, tmp_path / "other", "like Ada")
     for stage, zero in (("autoencoder", -0.0), ("forces", 0.0)):
         weights = torch.load(run.stage(stage) / BEST, weights_only=True)
