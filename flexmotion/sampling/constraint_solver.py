@@ -4,7 +4,8 @@ A window is measured as it is handed on, feet planted and balanced, and its late
 for residuals r of R asked values over their tolerances, with derivatives J by the latent,
 
     d = Jᵀ (J Jᵀ + damping)⁻¹ r = argmin |J d - r|² + damping |d|²
-(Levenberg and Marquardt). A latent has unit variance under the model, so |d|² is what a step asks of the model's prior.
+
+A latent has unit variance under the model, so |d|² is what a step asks of the model's prior: it stays near.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraint_layout import (
     CENTRES,
     FORCES,
@@ -58,6 +60,29 @@ DAMPING, FAR = 1.0, 0.1
 """Damping of a step near the solution, and what the mean square of the residuals adds to it (Fan and Yuan, Computing
 74, 2005): far from it, undamped steps go beyond where the derivatives hold. Over ten held-out clips three steps left a
 hand 1.5 cm off with it, 3.4 without, and sixteen points at four keyframes 1.4 cm, 7.9 without."""
+
+
+def check(constraints: Constraints, bundle: Bundle, balanced: bool) -> None:
+    """Check that a model can follow constraints.
+
+    Args:
+        constraints: what is asked.
+        bundle: of the model.
+        balanced: whether its windows are.
+
+    Raises:
+        ValueError: they are of another layout, body or number of frames, or of what the model cannot follow.
+    """
+    name, frames = bundle.manifest.name, bundle.manifest.future
+    if constraints.layout.layout != bundle.layout or constraints.body != bundle.body:
+        raise ValueError(f"the constraints are of another layout or body than model {name}'s")
+    if len(constraints.mask) != frames:
+        raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {frames}")
+    unreached = () if bundle.has_control else (*UNREACHED, *(() if balanced else OF_BALANCED))
+    for block in unreached:
+        if block in constraints.layout.blocks and constraints.mask[:, constraints.layout.blocks[block]].any():
+            also = " and its windows are not balanced" if block in OF_BALANCED else ""
+            raise ValueError(f"constraints of {block}: model {name} has no control branch{also}")
 
 
 class ConstraintSolver:
@@ -109,13 +134,13 @@ class ConstraintSolver:
                 decoded, found = change, decode(latent + change)
                 features = begun = draft.joined(found)
             if last and exact or rows.of_torques:
-                motion, held = draft.planted(features)
+                motion, slip = draft.planted(features)
                 window = draft.delivered(motion, found + self._travelled(change - decoded)).window
                 pose = WindowPose.of(window, draft.anchor)
-                holding = None if held is None else held.turned(-draft.anchor.yaw)
+                holding = None if slip is None else slip.holding.turned(-draft.anchor.yaw)
             else:
-                pose, holding = draft.sketched(features)
                 window = None
+                pose, holding = draft.sketched(features)
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
             change = (change + _step(jacobian, residual)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)

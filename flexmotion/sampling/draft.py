@@ -21,7 +21,7 @@ from flexmotion.sampling.arm_closing import closable, closed
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.low_pass import steadied
-from flexmotion.sampling.planted import Holding, lifted, planted_holding
+from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -61,20 +61,21 @@ class Draft:
         features = inertialised(found, self.remembered, self.layout)
         return steadied(features, self.remembered, self.layout) if self.balanced else features
 
-    def planted(self, features: Float32) -> tuple[Motion, Holding | None]:
-        """Motion with its loaded feet in place, forces as decoded; and how the feet were held."""
+    def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
+        """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        motion, holding = planted_holding(decoded, self.history)
-        return motion if self.rest is None else at_rest(motion, self.rest), holding
+        motion, slip = planted_slip(decoded, self.history)
+        return motion if self.rest is None else at_rest(motion, self.rest), slip
 
-    def sketched(self, features: Float32) -> tuple[WindowPose, Holding | None]:
-        """Kinematics of the planted window without its motion, in a third of the time: legs are not stretched."""
+    def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
+        """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.
+
+        It takes half of the time; legs are neither stretched nor bent.
+        """
         pose = WindowPose.of_features(features, self.layout, self.body)
-        feet, contacts = (
-            np.concatenate([self._feet_before, pose.feet]),
-            features[:, self.layout.blocks["contacts"]] > 0.5,
-        )
-        holding = Holding.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps)
+        feet = np.concatenate([self._feet_before, pose.feet])
+        contacts = features[:, self.layout.blocks["contacts"]] > 0.5
+        holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
         return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
 

@@ -58,25 +58,24 @@ def planted(motion: Motion, past: Motion) -> Motion:
         motion: with contacts; without them it is returned as it is.
         past: the motion before it, of the same body and frame rate, at least one frame.
     """
-    return planted_holding(motion, past)[0]
+    return planted_slip(motion, past)[0]
 
 
-def planted_holding(motion: Motion, past: Motion) -> tuple[Motion, Holding | None]:
-    """`planted`, and how each foot was held; None where nothing is planted."""
+def planted_slip(motion: Motion, past: Motion) -> tuple[Motion, Slip | None]:
+    """`planted`, and how its feet slipped before; None where nothing is planted."""
     if motion.contacts is None or not len(motion):
         return motion, None
     human = forward(motion)
     feet = np.concatenate([_feet(forward(past[len(past) - 1 :])), _feet(human)])
     height = feet[1:, ..., 2].min(axis=2)
-    holding = Holding.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
-    shift = holding.shift(feet)
+    slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
 
     position = motion.root_position.copy()
-    position[:, :2] -= shift
+    position[:, :2] -= np.cumsum(slip.made_up_for, axis=0) / motion.fps
     lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
     down = _remaining(height + lift[:, None], motion.contacts)
-    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle), holding
+    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle), slip
 
 
 def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
@@ -94,6 +93,72 @@ def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
 
 
 @dataclass(frozen=True)
+class Slip:
+    """How the feet of a motion slip at each of T frames, and how much of it the root makes up for.
+
+    Attributes:
+        velocity: of both feet along the floor, (T, 2, 2) [m/s].
+        parts: weights of heel and toe in it, (T, 2, 2, 1).
+        firm: weights of the feet, (T, 2).
+        stands: share of a foot's slip that is made up for at its speed, (T, 2).
+        facing: heading of the pelvis, (T, 1, 2).
+        holds: share of its sideways part, (T, 2, 1).
+    """
+
+    velocity: Float
+    parts: Float
+    firm: Float
+    stands: Float
+    facing: Float
+    holds: Float
+
+    @classmethod
+    def of(cls, feet: Float, contacts: NDArray[np.bool_], pelvis: Float, fps: float) -> Slip:
+        """Of a motion that is not planted yet.
+
+        Args:
+            feet: heel and toe of both feet in the frame before, then in each frame, (T + 1, 2, 2, 3) [m].
+            contacts: feet that carry load, (T, 2).
+            pelvis: rotation, (T, 3, 3).
+            fps: frames per second.
+        """
+        loaded = contacts.astype(np.float64)
+        share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
+        share = (share[1:] + share[:-1])[..., None]
+        velocity = np.diff(feet[..., :2], axis=0) * fps
+        slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
+        speed = np.linalg.norm(slip, axis=-1)
+        height = feet[1:, ..., 2].min(axis=2)
+        may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
+        firm = may * np.exp(-speed / CHOOSING)
+        stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
+        yaw = continuous_matrix_heading(pelvis)[:, None]
+        facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+        ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
+        holds = np.clip(1.0 - np.linalg.norm(slip - ahead, axis=-1, keepdims=True) / GLIDING, 0.0, 1.0)
+        return cls(slip, share, firm, stands, facing, holds)
+
+    @property
+    def made_up_for(self) -> Float:
+        """Velocity that the root makes up for, (T, 2) [m/s]."""
+        # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
+        ahead = (self.velocity * self.facing).sum(axis=-1, keepdims=True) * self.facing
+        held = self.stands[..., None] * (ahead + self.holds * (self.velocity - ahead))
+        firm = self.firm
+        shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
+        found: Float = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
+        return found
+
+    @property
+    def holding(self) -> Holding:
+        """The same as a linear map of the feet's places."""
+        firm = self.firm / np.maximum(self.firm.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+        along = self.facing[..., None] * self.facing[..., None, :]
+        held = (firm * self.stands)[..., None, None] * (along + self.holds[..., None] * (np.eye(2) - along))
+        return Holding((self.parts / self.parts.sum(axis=2, keepdims=True))[..., 0], held)
+
+
+@dataclass(frozen=True)
 class Holding:
     """How far each foot is held in place at each of T frames.
 
@@ -105,35 +170,6 @@ class Holding:
 
     parts: Float
     held: Float
-
-    @classmethod
-    def of(cls, feet: Float, contacts: NDArray[np.bool_], pelvis: Float, fps: float) -> Holding:
-        """From a motion that is not planted yet.
-
-        Args:
-            feet: heel and toe of both feet in the frame before, then in each frame, (T + 1, 2, 2, 3) [m].
-            contacts: feet that carry load, (T, 2).
-            pelvis: rotation, (T, 3, 3).
-            fps: frames per second.
-        """
-        loaded = contacts.astype(np.float64)
-        share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
-        share = share[1:] + share[:-1]
-        parts = share / share.sum(axis=2, keepdims=True)
-        slip = (parts[..., None] * np.diff(feet[..., :2], axis=0)).sum(axis=2) * fps
-        speed = np.linalg.norm(slip, axis=-1)
-        height = feet[1:, ..., 2].min(axis=2)
-        may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
-        firm = may * np.exp(-speed / CHOOSING)
-        firm = firm / np.maximum(firm.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-        stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
-        # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
-        yaw = continuous_matrix_heading(pelvis)[:, None]
-        facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-        along = facing[..., None] * facing[..., None, :]
-        ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
-        holds = np.clip(1.0 - np.linalg.norm(slip - ahead, axis=-1) / GLIDING, 0.0, 1.0)[..., None, None]
-        return cls(parts, (firm * stands)[..., None, None] * (along + holds * (np.eye(2) - along)))
 
     def turned(self, yaw: float) -> Holding:
         """The same in axes from which those of the motion are turned by an angle about the vertical [rad]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import hypot
 
@@ -14,23 +14,24 @@ from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
-from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
-from flexmotion.sampling.constraint_solver import CORRECTIONS, OF_BALANCED, UNREACHED, ConstraintSolver
+from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.constraint_solver import CORRECTIONS, ConstraintSolver, check
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
-from flexmotion.sampling.pace import Pace
-from flexmotion.sampling.tangent import Tangent, decoder_jacobian
+from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import BACK, STAND, WALK
 from flexmotion.text.prompt_reader import Prompt, PromptReader
+
+__all__ = ["Condition", "Sampler"]
 
 Float32 = NDArray[np.float32]
 
@@ -42,37 +43,6 @@ RUN_FROM = 2.0
 
 BACK_FROM = 0.1
 """The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """Request for one window.
-
-    Attributes:
-        text: what to do, in words; None for standing still, or for walking where there is a velocity. Words that mean a
-            velocity ("step to the left") stand for that velocity unless another is given.
-        velocity: of the root in its own heading: forward, left [m/s], turning left [rad/s]; None for none. A velocity
-            without words that is nearly zero means standing still.
-        manner: in which to do it; None for the one that the words say, which is the normal one where they say none.
-        guidance: scale of classifier-free guidance; None for the bundle's default.
-        manner_guidance: likewise, of the manner against any manner.
-        pace: greatest velocities; velocities beyond it, and words that mean faster ones ("run"), are slowed. None for
-            no limit.
-        asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
-            of `velocity`; None for no such correction.
-        noise: factor of the noise that the window is sampled from.
-        constraints: places, angles, path and forces that are asked of single frames; None for none.
-    """
-
-    text: str | None = None
-    velocity: tuple[float, float, float] | None = None
-    manner: str | None = None
-    guidance: float | None = None
-    manner_guidance: float | None = None
-    pace: Pace | None = None
-    asked: tuple[float, float, float] | None = None
-    noise: float = 1.0
-    constraints: Constraints | None = None
 
 
 class Sampler:
@@ -203,15 +173,15 @@ class Sampler:
         Raises:
             ValueError, ConfigError: see `sample`.
         """
+        constraints = condition.constrained
+        if constraints is not None:
+            check(constraints, self.bundle, self.balanced)
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
-        constraints = condition.constraints
-        if constraints is not None and constraints.asked:
-            self._check(constraints)
-            draft = self._draft(history, remembered, condition)
+        draft = self._draft(history, remembered, condition)
+        if constraints is not None:
             return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
         found = self._frames(latent)
-        draft = self._draft(history, remembered, condition)
         return draft.delivered(draft.planted(draft.joined(found))[0], found)
 
     def planted(self, features: Float32, history: Motion, condition: Condition) -> Motion:
@@ -220,34 +190,14 @@ class Sampler:
 
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
         """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
-        rests = condition.constraints is None and self._stands(self.meant(condition))
+        rests = condition.constrained is None and self._stands(self.meant(condition))
         rest = self._rest if rests else None
         return Draft(self.layout, self.body, history, remembered, self.balanced, rest, self._source)
-
-    def _check(self, constraints: Constraints) -> None:
-        """Raise `ValueError` where constraints are of another model, or the model cannot follow them."""
-        if constraints.layout.layout != self.layout or constraints.body != self.body:
-            raise ValueError(f"the constraints are of another layout or body than model {self.name}'s")
-        if len(constraints.mask) != self.future:
-            raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {self.future}")
-        unreached = () if self.bundle.has_control else (*UNREACHED, *(() if self.balanced else OF_BALANCED))
-        for name in unreached:
-            if name in constraints.layout.blocks and constraints.mask[:, constraints.layout.blocks[name]].any():
-                balance = " and its windows are not balanced" if name in OF_BALANCED else ""
-                raise ValueError(f"constraints of {name}: model {self.name} has no control branch{balance}")
 
     @cached_property
     def _solver(self) -> ConstraintSolver:
         """Made on first use."""
-        return ConstraintSolver(self.layout, Tangent.of(self._jacobian(), self.history, self.layout))
-
-    def _jacobian(self) -> Float32:
-        """Derivatives of the decoder's features, not normalised, by its latent, (W, F, L)."""
-        found = self.bundle.jacobian
-        if found is None:
-            history = self._statistics.normalise(self.bundle.rest[len(self.bundle.rest) - self.history :])
-            found = decoder_jacobian(lambda latent: self._decode(latent, history[None]), self.bundle.manifest.latent)
-        return found * self._statistics.spread[:, None]
+        return ConstraintSolver(self.layout, tangent_of(self.bundle, self._decode))
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of a sample as decoded, before its feet are planted, not normalised, (W, layout.size)."""
@@ -302,8 +252,8 @@ class Sampler:
 
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
-        asked, folder = condition.constraints, self.bundle.folder
-        if asked is not None and asked.asked and self.bundle.has_control:
+        asked, folder = condition.constrained, self.bundle.folder
+        if asked is not None and self.bundle.has_control:
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
             return run(self._controlled, folder / CONTROL, self._inputs | values)
         found = run(self._denoiser, folder / DENOISER, self._inputs)

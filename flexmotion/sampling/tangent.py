@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import Layout
 from flexmotion.sampling.low_pass import steadied
@@ -47,7 +48,8 @@ class Tangent:
     def of(cls, jacobian: NDArray[np.float32], history: int, layout: Layout) -> Tangent:
         """Of the window as it leaves the sampler: joined to its history, and low-passed.
 
-        Both are linear in the window, so that its changes are joined to a history without any change.
+        Both are linear in the window, so that its changes are joined to a history without any change. Windows that are
+        not low-passed get low-passed changes all the same.
 
         Args:
             jacobian: of the decoder's features, not normalised, (W, F, L); of the blocks `root` and `rotations` at
@@ -89,6 +91,21 @@ class Tangent:
             holding: how its feet were held in place, in the frame of the window; None where they were not.
         """
         return WindowChange(self.root, self.rotations, self.fps, pose, holding)
+
+
+def tangent_of(bundle: Bundle, decode: Callable[[Float32, Float32], Float32]) -> Tangent:
+    """The tangent of a bundle's decoder; measured at a standing human where the bundle has no Jacobian.
+
+    Args:
+        bundle: of the model.
+        decode: normalised frames (W, F) of a latent (1, L) after a normalised history (1, H, F).
+    """
+    manifest, statistics, rest = bundle.manifest, bundle.statistics, bundle.rest
+    found = bundle.jacobian
+    if found is None:
+        history = statistics.normalise(rest[len(rest) - manifest.history :])[None]
+        found = decoder_jacobian(lambda latent: decode(latent, history), manifest.latent)
+    return Tangent.of(found * statistics.spread[:, None], manifest.history, bundle.layout)
 
 
 def decoder_jacobian(decode: Callable[[Float32], Float32], size: int) -> Float32:

@@ -174,7 +174,7 @@ def load_control(run: Run, denoiser: Denoiser) -> ConstrainedDenoiser:
     """The distilled denoiser of a run with its control branch.
 
     Raises:
-        ConfigError: the branch has not been trained, or was trained on another denoiser.
+        ConfigError: the branch has not been trained, or has weights of another network.
     """
     branch = ControlBranch(denoiser, run.config.control, run.config.window, run.layout)
     load_weights(branch, run.stage("control"))

@@ -48,10 +48,10 @@ def wrong(draft: Draft, found: np.ndarray, block: str, held: bool) -> float:
         motion, _ = draft.planted(draft.joined(found) + tangent.features(change.astype(np.float32), LAYOUT))
         return WindowPose.of(motion, draft.anchor).values(layout)[:, first : first + size]
 
-    motion, holding = draft.planted(draft.joined(found))
+    motion, slip = draft.planted(draft.joined(found))
     pose = WindowPose.of(motion, draft.anchor)
     frames, column = (grid.ravel() for grid in np.indices((FRAMES, size)))
-    own = holding.turned(-draft.anchor.yaw) if held and holding is not None else None
+    own = slip.holding.turned(-draft.anchor.yaw) if held and slip is not None else None
     given = tangent.at(pose, own).jacobian(layout, frames, first + column)
     expected = [(values(1e-3 * step) - values(-1e-3 * step)) / 2e-3 for step in np.eye(2)]
     apart = given - np.stack(expected, axis=-1).reshape(given.shape)

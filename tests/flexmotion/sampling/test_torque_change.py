@@ -10,7 +10,7 @@ import pytest
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
-from flexmotion.sampling.planted import Holding
+from flexmotion.sampling.planted import Slip
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.torque_change import torque_change
 from flexmotion.sampling.window_pose import WindowPose
@@ -39,14 +39,14 @@ def test_a_step_along_the_derivatives_lowers_a_torque_as_they_say(sampler: Sampl
     draft, found = sampler._draft(history, remembered, condition), sampler._frames(latent)
     tangent, begun = sampler._solver._tangent, draft.joined(found)
 
-    def window(change: np.ndarray) -> tuple[Motion, Holding | None]:
-        motion, holding = draft.planted(begun + tangent.features(change, sampler.layout))
-        return draft.delivered(motion, found + tangent.travel(change, sampler.layout)).window, holding
+    def window(change: np.ndarray) -> tuple[Motion, Slip | None]:
+        motion, slip = draft.planted(begun + tangent.features(change, sampler.layout))
+        return draft.delivered(motion, found + tangent.travel(change, sampler.layout)).window, slip
 
-    first, holding = window(np.zeros(tangent.size, np.float32))
-    assert first.torques is not None and holding is not None
+    first, slip = window(np.zeros(tangent.size, np.float32))
+    assert first.torques is not None and slip is not None
     pose = WindowPose.of(first, draft.anchor)
-    changes = tangent.at(pose, holding.turned(-draft.anchor.yaw))
+    changes = tangent.at(pose, slip.holding.turned(-draft.anchor.yaw))
     derivatives = torque_change(changes, pose, first, draft.anchor.yaw, number)
     torque = first.torques[:, 6 + number] / (sampler.body.mass * GRAVITY * sampler.body.leg)
     # Less of the torque's square over the window, the ends of which depend on what follows.
