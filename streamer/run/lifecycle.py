@@ -227,8 +227,10 @@ class Lifecycle:
         return since - self.settings.lead_in_s >= self.seconds
 
     def _check_for_plans(self, state: State) -> None:
-        """Raise a fault if the robot stands and has waited too long for a plan."""
-        waiting = self.loop.ready or (state is State.HOLD and not self._over())
+        """Raise a fault if the robot stands and has waited too long for a plan; who is asked to stand waits for none."""
+        playing = self.loop.intake.playing
+        asked_to_stand = playing is not None and playing.ticket.stops
+        waiting = self.loop.ready or (state is State.HOLD and not asked_to_stand and not self._over())
         self._idle_ticks = self._idle_ticks + 1 if waiting and not self.loop.must_stop else 0
         if not (self.stay or self._patient) and self._idle_ticks > _SILENCE_S * self.loop.robot.rate_hz:
             self.loop.inputs.fault = f"planner: no plan for {_SILENCE_S:.0f} s"

@@ -238,6 +238,16 @@ def test_a_log_can_be_read_where_its_bundle_is_not(
     assert "no bundle there" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("asked", "code"), [("stand", 0), ("fly to the moon", 1)])
+def test_who_is_asked_to_stand_needs_no_plans(
+    asked: str, code: int, bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A prompt to stand, or one that was refused, ended after 5 s in the fault "planner: no plan for 5 s"."""
+    assert dry_run("--prompt", asked, "--bundle", str(bundle), "--seconds", "7", "--json") == code
+    safety = json.loads(capsys.readouterr().out)["safety"]
+    assert safety["faults"] == [] and safety["final_state"] == "OFF"
+
+
 def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     copy = shutil.copytree(bundle, tmp_path / "bundle")
     (copy / "denoiser.onnx").write_bytes(b"no network")
