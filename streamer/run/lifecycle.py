@@ -227,7 +227,7 @@ class Lifecycle:
         return since - self.settings.lead_in_s >= self.seconds
 
     def _check_for_plans(self, state: State) -> None:
-        """Raise a fault if the robot stands and has waited too long for a plan; who is asked to stand waits for none."""
+        """Raise a fault if the robot has waited too long for a plan; who is asked to stand waits for none."""
         playing = self.loop.intake.playing
         asked_to_stand = playing is not None and playing.ticket.stops
         waiting = self.loop.ready or (state is State.HOLD and not asked_to_stand and not self._over())
