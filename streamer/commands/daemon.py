@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import typer
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.robot import list_robots, load_robot
 from flexmotion.drivers import registry
 from flexmotion.streamer.commands.output import print_note
 
@@ -65,6 +64,8 @@ def unit(options: list[str], user: str) -> str:
         typer.BadParameter: `flexmotion run` does not take the options.
         ConfigError: there is no such robot or driver.
     """
+    from flexmotion.configs.robot import load_robot
+
     command, read = _read(options)
     load_robot(read["robot"])
     if read["driver"] not in registry.names():
@@ -101,6 +102,8 @@ def _read(options: list[str]) -> tuple[Any, dict[str, Any]]:
 
 def _absolute(options: list[str], command: Any, read: dict[str, Any]) -> list[str]:
     """The options with paths that hold in any folder: a unit runs in one of its own."""
+    from flexmotion.configs.robot import list_robots
+
     words = set()
     for parameter in command.params:
         value = read[parameter.name]

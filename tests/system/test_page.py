@@ -151,7 +151,8 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Call
     tab.mouse.down()
     tab.mouse.move(middle[0], middle[1] - box["height"])
     wait_until(lambda: math.dist(begin, page.status["place"]) > WALK_M, "the robot to walk", every_s=0.2)
-    assert page.status["following"]["asked"]["velocity"][0] > 0.0
+    # On a busy machine a page sends so seldom that a velocity expires between two of the stick.
+    wait_until(lambda: page.status["following"]["asked"].get("velocity", [0.0])[0] > 0.0, "the stick to be followed")
     page.until("document.getElementById('following').textContent === 'by stick: ahead'", "the label of the stick")
     # Velocities that newer ones replace are none of the person's who holds the stick: it was told as "replaced".
     page.until("document.querySelector('#history .mark').textContent === 'accepted'", "the stick to be accepted")

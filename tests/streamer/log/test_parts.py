@@ -168,7 +168,7 @@ def test_two_runs_do_not_write_to_one_report(tmp_path: Path, capsys: pytest.Capt
     folder = tmp_path / "report"
     with locked_folder(folder):
         assert execute(["dry-run", "--seconds", "0.3", "--report", str(folder)]) == 2
-        assert f"--report: {folder}: another run" in capsys.readouterr().err
+        assert f"--report: {folder}: a run that is not over yet" in capsys.readouterr().err
         assert list(folder.iterdir()) == []
     with locked_folder(folder):
         pass
@@ -201,7 +201,7 @@ def test_a_log_stays_locked_in_every_process_of_a_run(logged_session: Make, tmp_
 
     def operate() -> Request | None:
         if not refused and part_path(made.path, 3).exists():
-            with pytest.raises(ConfigError, match="another run") as told:
+            with pytest.raises(ConfigError, match="a run that is not over yet") as told:
                 LogFile(made.path)
             refused.append(str(told.value))
         return None
