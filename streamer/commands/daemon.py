@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import typer
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.drivers import registry
 from flexmotion.streamer.commands.output import print_note
 
 UNIT = Path("/etc/systemd/system/flexmotion.service")
@@ -65,6 +64,7 @@ def unit(options: list[str], user: str) -> str:
         ConfigError: there is no such robot or driver.
     """
     from flexmotion.configs.robot import load_robot
+    from flexmotion.drivers import registry
 
     command, read = _read(options)
     load_robot(read["robot"])
