@@ -1,4 +1,4 @@
-"""`one_line`: what pydantic finds wrong, in a line of ours: the field, what was found, what is valid."""
+"""`one_line`: a validation error of pydantic as one line: the field, what was found, what is valid."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ class Footholds:
         behind = beside - human_stance
         lag, before = (_along(behind, yaw) for yaw in (human_yaw, stance[3] - scaling.heading))
         if lag * before < 0.0:
-            # Who has turned about walks to where the robot is, which would meet it walking backward.
+            # The human has turned about and comes toward the robot. Making up for the lag would be a walk backward.
             forward -= lag
         scale = gait.stride_factor * scaling.ratio
         forward *= scale
