@@ -66,26 +66,39 @@ class Cadence:
         )
         self._shortest_s, self._best_s, self._longest_s = self.swings.brisk_s
 
-    def lag(self, view: HumanView, human_feet: Float, second: float) -> float:
+    def lag(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> float:
         """How far the robot is behind its human at a source time, in the human's heading [m of the robot].
 
         Args:
             human_feet: positions of the human's feet that the robot's feet represent, (2, 2) [m]; NaN: no lag.
+            consumed: source time up to which the human swings of each foot are used up, (2,) [s].
         """
-        return 0.5 * sum(self._lags(view, human_feet, second))
+        return 0.5 * sum(self._lags(view, human_feet, consumed, second))
 
-    def rear_foot(self, view: HumanView, human_feet: Float, second: float) -> int:
+    def rear_foot(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> int:
         """The foot that is further behind the human's, 0 left, 1 right; arguments of `lag`."""
-        left, right = self._lags(view, human_feet, second)
+        left, right = self._lags(view, human_feet, consumed, second)
         return int(abs(right) > abs(left))
 
-    def _lags(self, view: HumanView, human_feet: Float, second: float) -> tuple[float, float]:
+    def _lags(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> tuple[float, float]:
         """How far each foot is behind the human's; arguments of `lag`."""
         window = view.window
         yaw = window.mean_heading(*self._heading_s(second))
-        ways = (np.nan_to_num(window.left(side, second) - human_feet[side]) for side in (0, 1))
+        places = (self._human_place(view, side, consumed[side], second) for side in (0, 1))
+        ways = (np.nan_to_num(place - foot) for place, foot in zip(places, human_feet, strict=True))
         left, right = (self._along(view, way, yaw) for way in ways)
         return left, right
+
+    def _human_place(self, view: HumanView, side: int, consumed_s: float, second: float) -> Float:
+        """Where the human's foot is at a source time, (2,) [m]: of one in the air, where it lifted.
+
+        If the robot's foot has made its step for that swing already, it is where the human's foot lands.
+        """
+        window = view.window
+        under_way = [s for s in window.swings if s.side == side and s.lift_s <= second < s.land_s]
+        if under_way and under_way[-1].land_s <= consumed_s:
+            return window.place(side, under_way[-1].land_s)
+        return window.left(side, second)
 
     def falls_short(self, view: HumanView, swing: Swing, represented: Float) -> bool:
         """Whether a step for a human swing ends too far from the human's foothold to keep to the human's time.

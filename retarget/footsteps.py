@@ -166,10 +166,11 @@ class FootstepPlanner:
             if lift > made.landed + self.timing.ticks(NOTICE_S):
                 lift, notice_s = max(lift, unhurried), UNHURRIED_S
             second = view.second_at(lift)
-            if lift >= before or abs(cadence.lag(view, made.human_feet, second)) < enough:
+            if lift >= before or abs(cadence.lag(view, made.human_feet, made.consumed, second)) < enough:
                 return
             rested = made.free <= lift
-            side = cadence.rear_foot(view, made.human_feet, second) if rested.all() else int(np.argmax(rested))
+            rear = cadence.rear_foot(view, made.human_feet, made.consumed, second)
+            side = rear if rested.all() else int(np.argmax(rested))
             own = cadence.step(view, side, lift, made.feet, made.human_feet)
             if own is None:
                 return

@@ -20,7 +20,7 @@ _MAX_LATENESS_S = 0.30
 """A human step whose foot landed longer ago than this is left out: making up for it would delay the next one."""
 _LATER_S = 0.06
 """By how much the robot's foot may land later than the human's."""
-_SAME_FOOT_REST_S = 0.3
+SAME_FOOT_REST_S = 0.3
 """A foot that has landed stays down this long, though the other foot may lift sooner: a robot that swings one leg
 repeatedly over the same stance foot scuffs the ground and falls."""
 
@@ -38,7 +38,7 @@ class StepTiming:
         self.gait, self.swings, self.rate = gait, swings, rate_hz
         self.pause = round(gait.double_support_min_s * rate_hz)
         """Ticks from a touch-down to the lift of the other foot, at least."""
-        self._same_foot_rest = round(_SAME_FOOT_REST_S * rate_hz)
+        self._same_foot_rest = round(SAME_FOOT_REST_S * rate_hz)
 
     def ticks(self, seconds: float) -> int:
         """Duration in ticks."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.human.body import Body
-from flexmotion.human.human_model import HumanModel, human_model, scratch
+from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.kinematics import frame_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
@@ -56,21 +56,11 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     smoothly.
     """
     human = human_model(motion.body)
-    model, data = human.model, scratch(motion.body)
-    qpos, frames = human.qpos(motion), len(motion)
-    position, com = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 3))
-    rotation = np.empty((frames, model.nbody, 9))
-    anchor, axis = np.empty((frames, model.njnt, 3)), np.empty((frames, model.njnt, 3))
-    state, xpos, xipos, xmat, xanchor, xaxis = data.qpos, data.xpos, data.xipos, data.xmat, data.xanchor, data.xaxis
-    for frame in range(frames):
-        state[:] = qpos[frame]
-        mujoco.mj_kinematics(model, data)
-        position[frame], com[frame], rotation[frame] = xpos, xipos, xmat
-        anchor[frame], axis[frame] = xanchor, xaxis
-    matrices = rotation.reshape(frames, model.nbody, 3, 3)
+    position, com, rotation, anchor, axis = frame_arrays(motion, "xpos", "xipos", "xmat", "xanchor", "xaxis")
+    matrices = rotation.reshape(*position.shape, 3)
     hinges = hinge_index(motion.body)
     return SegmentMotion(
-        mass=model.body_mass.copy(),
+        mass=human.model.body_mass.copy(),
         position=position,
         rotation=matrices,
         com=com,

@@ -84,17 +84,28 @@ class HumanKinematics:
 def forward(motion: Motion) -> HumanKinematics:
     """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body."""
     human = human_model(motion.body)
-    model, data = human.model, scratch(motion.body)
-    qpos, frames = human.qpos(motion), len(motion)
-    bodies, sites = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nsite, 3))
-    centres, rotations = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
+    bodies, centres, matrices, sites = frame_arrays(motion, "xpos", "xipos", "xmat", "site_xpos")
+    return _collect(human, bodies, centres, matrices.reshape(*bodies.shape, 3), sites)
+
+
+def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
+    """Arrays of MuJoCo's state, by name, after forward kinematics of every frame, (T, ...) each.
+
+    Args:
+        motion: of the human.
+        names: of attributes of `MjData`, such as `xpos`, (B, 3) [m], and `xmat`, (B, 9).
+    """
+    human = human_model(motion.body)
+    model, data, qpos = human.model, scratch(motion.body), human.qpos(motion)
     # Views into the MjData, looked up once: attribute access costs as much as the kinematics.
-    state, xpos, xipos, xmat, site_xpos = data.qpos, data.xpos, data.xipos, data.xmat, data.site_xpos
-    for frame in range(frames):
-        state[:] = qpos[frame]
+    state, views = data.qpos, [getattr(data, name) for name in names]
+    found = tuple(np.empty((len(motion), *view.shape)) for view in views)
+    for frame, pose in enumerate(qpos):
+        state[:] = pose
         mujoco.mj_kinematics(model, data)
-        bodies[frame], centres[frame], rotations[frame], sites[frame] = xpos, xipos, xmat, site_xpos
-    return _collect(human, bodies, centres, rotations.reshape(frames, model.nbody, 3, 3), sites)
+        for array, view in zip(found, views, strict=True):
+            array[frame] = view
+    return found
 
 
 def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float, sites: Float) -> HumanKinematics:

@@ -26,8 +26,8 @@ from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import BALLS, HINGE_COLUMNS, HINGES, PELVIS_SIZE, matrix, sign, six
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
 from flexmotion.human.body import Body
-from flexmotion.human.human_model import AXES, human_model, scratch
-from flexmotion.human.kinematics import SIDED_BODIES
+from flexmotion.human.human_model import AXES, human_model
+from flexmotion.human.kinematics import SIDED_BODIES, frame_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.spatial.gravity import GRAVITY
@@ -72,18 +72,9 @@ class WindowPose:
             motion: the window, in the world.
             anchor: the frame before it.
         """
-        human = human_model(motion.body)
-        model, data = human.model, scratch(motion.body)
-        qpos, frames = human.qpos(motion), len(motion)
-        bodies, matrices = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
-        centres, axes = np.empty((frames, model.njnt, 3)), np.empty((frames, model.njnt, 3))
-        state, xpos, xmat, xanchor, xaxis = data.qpos, data.xpos, data.xmat, data.xanchor, data.xaxis
-        for frame in range(frames):
-            state[:] = qpos[frame]
-            mujoco.mj_kinematics(model, data)
-            bodies[frame], matrices[frame], centres[frame], axes[frame] = xpos, xmat, xanchor, xaxis
+        bodies, matrices, centres, axes = frame_arrays(motion, "xpos", "xmat", "xanchor", "xaxis")
         turn = yaw_matrix(np.array(-anchor.yaw))
-        rotation = turn @ matrices.reshape(frames, model.nbody, 3, 3)
+        rotation = turn @ matrices.reshape(*bodies.shape, 3)
         found = cls._from(motion.body, anchor.local(bodies), rotation, motion.joints[:, HINGE_COLUMNS])
         joints = hinge_index(motion.body)
         return replace(found, anchor=anchor.local(centres[:, joints]), axis=axes[:, joints] @ turn.T)
