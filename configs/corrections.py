@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from flexmotion.configs.errors import ConfigError
@@ -21,6 +22,9 @@ class Corrections(Strict):
 
     Attributes:
         standing_noise: noise scale while standing, relative to other motions.
+        ahead: forward velocities that are wanted, and those to ask for, (wanted, asked) in growing order [m/s]; linear
+            between them, and parallel to what is wanted beyond them. None: as wanted.
+        turning: gain of turning.
         aside: gain of sideways velocities.
         ahead_per_aside: forward velocity taken off per sideways velocity.
         turning_per_aside: turning added per sideways velocity, to the same side [rad/m].
@@ -32,6 +36,8 @@ class Corrections(Strict):
     """
 
     standing_noise: float = Field(default=1.0, ge=0)
+    ahead: tuple[tuple[float, float], ...] = ()
+    turning: float = Field(default=1.0, gt=0)
     aside: float = Field(default=1.0, gt=0)
     ahead_per_aside: float = 0.0
     turning_per_aside: float = 0.0
@@ -46,6 +52,21 @@ class Corrections(Strict):
                 f"catch_up {self.catch_up} has no effect with catch_up_limit 0, expected a limit > 0 [m/s]"
             )
         return self
+
+    @model_validator(mode="after")
+    def _grows(self) -> Corrections:
+        wanted = [pair[0] for pair in self.ahead]
+        if wanted != sorted(set(wanted)):
+            raise ValueError(f"ahead is for velocities {wanted}, expected growing ones")
+        return self
+
+    def asked_ahead(self, wanted: float) -> float:
+        """Forward velocity to ask for [m/s], for the one that is wanted."""
+        if not self.ahead:
+            return wanted
+        at, asked = np.array(self.ahead).T
+        inside = float(np.clip(wanted, at[0], at[-1]))
+        return float(np.interp(inside, at, asked)) + wanted - inside
 
     def require_known(self, kinds: Iterable[str], origin: Path | str) -> None:
         """Raise `ConfigError` if `speeds` names a kind of motion that is not one of the model's `kinds`.

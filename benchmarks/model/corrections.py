@@ -1,14 +1,15 @@
 """Which corrections does a bundle need, so that it moves as it is asked to?
 
-Two things are fitted to samples from standing. `speeds`: the mean velocity of every kind of motion that travels, asked
-for by its wordings alone. Sideways: gain, the forward velocity and the turning that come with it, by a few rounds over
-velocities without and with a forward part; the round with the least error is kept. The other corrections stay as they
-are. `--write` puts the found ones into the bundle. Fails where sideways velocities are missed by more than .15 m/s or
-.2 rad/s.
+They are fitted to samples from standing, by a few rounds over velocities: what is asked for changes by a share of what
+the samples lack; the round with the least error is kept. First forward velocities and turning, then the gain of
+sideways ones and the forward velocity and turning that come with them. `speeds` is the median velocity of every kind of
+motion that travels, asked for by its wordings alone. The other corrections stay as they are. `--write` puts the found
+ones into the bundle. Fails where velocities are missed by more than .15 m/s or .2 rad/s in the mean.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -35,18 +36,26 @@ Float = NDArray[np.float64]
 
 WORDINGS = 6
 """Of a kind of motion, of those that it has."""
-TRAVELS = 0.35, 0.4
-"""A kind travels where its samples move or turn faster than this [m/s, rad/s]."""
-SIDEWAYS = tuple((ahead, aside, 0.0) for ahead in (0.0, 0.25) for aside in (-0.3, -0.2, 0.2, 0.3))
-"""Velocities by which the sideways corrections are fitted [m/s, m/s, rad/s]."""
+TRAVELS, TURNS = 0.35, 0.4
+"""A kind travels where its samples go ahead or back faster than this, and turns where they turn faster [m/s, rad/s]."""
+SPEEDS = (-0.7, -0.3, 0.0, 0.15, 0.3, 0.5, 0.8, 1.1)
+"""Forward velocities at which `ahead` is fitted [m/s]."""
+TURNING = 0.5
+"""Turning at which `ahead` at 0 and the gain of turning are fitted, to both sides [rad/s]."""
+AHEAD: tuple[Velocity, ...] = tuple((speed, 0.0, side * TURNING) for speed in SPEEDS for side in (-1, 1))
+SIDEWAYS: tuple[Velocity, ...] = tuple((ahead, aside, 0.0) for ahead in (0.0, 0.25) for aside in (-0.3, -0.2, 0.2, 0.3))
+"""Velocities by which corrections are fitted [m/s, m/s, rad/s]."""
 ROUNDS, STEP = 5, 0.7
-"""Rounds of the fit, and the share of what is missing that a round adds."""
-MOST_GAIN = 3.0
+"""Rounds of each fit, and the share of what is missing that a round adds."""
+MOST_GAIN, MOST_SHIFT = 3.0, 0.8
+"""Bounds: of a gain; of how far the velocity that is asked for is from the wanted one [m/s]."""
 LIMITS = 0.15, 0.2
 SETTLE_S = 1.0
 """Time in which a body speeds up [s]."""
 GRID = 0.05
 """Corrections are rounded to this: samples do not tell them more finely."""
+
+Improve = Callable[[Corrections, Float], Corrections]
 
 
 def sampler_with(bundle: Bundle, corrections: Corrections) -> Sampler:
@@ -73,31 +82,46 @@ def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity
         texts = phrases.wordings(kind)[:WORDINGS]
         draws = [settled(sampler, seconds, seed, text=texts[seed % len(texts)]) for seed in range(samples)]
         # The median: a wording that is taken for another kind must not pull the mean.
-        forward, _, turning = (float(value) for value in _rounded(np.median(draws, axis=0)))
+        forward, _, turning = (_rounded(value) for value in np.median(draws, axis=0))
         # Words that mean sideways motion mean a velocity: what else goes aside is sway, and drift without a course.
-        if abs(forward) > TRAVELS[0] or abs(turning) > TRAVELS[1]:
-            found[kind] = (forward, 0.0, turning if abs(turning) > TRAVELS[1] else 0.0)
+        if abs(forward) > TRAVELS:
+            found[kind] = (forward, 0.0, turning if abs(turning) > TURNS else 0.0)
     return found
 
 
-def responses(sampler: Sampler, samples: int, seconds: float) -> Float:
-    """Mean velocities of the samples of `SIDEWAYS`, (commands, 3)."""
+def responses(sampler: Sampler, asked: Sequence[Velocity], samples: int, seconds: float) -> Float:
+    """Mean velocities of the samples of each asked one, (K, 3)."""
     return np.array(
         [
-            np.mean([settled(sampler, seconds, seed, velocity=command) for seed in range(samples)], axis=0)
-            for command in SIDEWAYS
+            np.mean([settled(sampler, seconds, seed, velocity=velocity) for seed in range(samples)], axis=0)
+            for velocity in asked
         ]
     )
 
 
-def errors(found: Float) -> tuple[float, float]:
+def errors(asked: Sequence[Velocity], found: Float) -> tuple[float, float]:
     """Mean error of responses: speed [m/s] and turning [rad/s]."""
-    apart = found - np.array(SIDEWAYS)
+    apart = found - np.array(asked)
     return float(np.hypot(apart[:, 0], apart[:, 1]).mean()), float(np.abs(apart[:, 2]).mean())
 
 
-def improved(corrections: Corrections, found: Float) -> Corrections:
-    """The corrections after one round, by the responses that were found with them."""
+def improved_ahead(corrections: Corrections, found: Float) -> Corrections:
+    """Corrections of forward velocities and turning after one round, by the responses to `AHEAD`."""
+    side = np.sign(np.array(AHEAD)[:, 2])
+    gain = float(np.clip((found[:, 2] * side).mean() / TURNING, 1 / MOST_GAIN, MOST_GAIN))
+    lacks = np.array(SPEEDS) - found[:, 0].reshape(len(SPEEDS), 2).mean(axis=1)
+    shift = [corrections.asked_ahead(speed) - speed + STEP * lack for speed, lack in zip(SPEEDS, lacks, strict=True)]
+    bounded = np.clip(shift, -MOST_SHIFT, MOST_SHIFT)
+    return corrections.model_copy(
+        update={
+            "ahead": tuple((speed, speed + float(more)) for speed, more in zip(SPEEDS, bounded, strict=True)),
+            "turning": min(corrections.turning * gain**-STEP, MOST_GAIN),
+        }
+    )
+
+
+def improved_aside(corrections: Corrections, found: Float) -> Corrections:
+    """Sideways corrections after one round, by the responses to `SIDEWAYS`."""
     asked = np.array(SIDEWAYS)
     aside, side = np.abs(asked[:, 1]), np.sign(asked[:, 1])
     gain = float(np.clip((found[:, 1] * side).sum() / aside.sum(), 1 / MOST_GAIN, MOST_GAIN))
@@ -112,8 +136,37 @@ def improved(corrections: Corrections, found: Float) -> Corrections:
     )
 
 
-def _rounded(values: Float) -> Float:
-    return np.round(np.round(values / GRID) * GRID, 3)
+def fit(
+    name: str,
+    bundle: Bundle,
+    start: Corrections,
+    asked: Sequence[Velocity],
+    improve: Improve,
+    samples: int,
+    seconds: float,
+) -> tuple[Corrections, list[tuple[float, float]]]:
+    """The best corrections of some rounds, and the errors of every round."""
+    best, tried, found_errors = start, start, []
+    for _ in track(range(ROUNDS), name, console=Console(stderr=True)):
+        found = responses(sampler_with(bundle, tried), asked, samples, seconds)
+        found_errors.append(errors(asked, found))
+        if sum(found_errors[-1]) == min(map(sum, found_errors)):
+            best = tried
+        tried = rounded(improve(tried, found))
+    return best, found_errors
+
+
+def rounded(corrections: Corrections) -> Corrections:
+    """Corrections as finely as samples tell them."""
+    gains = ("turning", "aside", "ahead_per_aside", "turning_per_aside")
+    ahead = tuple((speed, _rounded(asked)) for speed, asked in corrections.ahead)
+    return corrections.model_copy(
+        update={**{name: _rounded(getattr(corrections, name)) for name in gains}, "ahead": ahead}
+    )
+
+
+def _rounded(value: float) -> float:
+    return round(round(value / GRID) * GRID, 3)
 
 
 def main(
@@ -126,43 +179,20 @@ def main(
     opened = open_bundle(bundle)
     if not opened.manifest.velocity:
         raise ConfigError(f"{opened.folder}: this bundle does not follow velocities")
-    console, tried = Console(width=120), opened.manifest.corrections
-    table = Table(title="Sideways velocities: corrections, and mean errors")
-    for name in ("round", "aside", "ahead per aside", "turning per aside", "speed m/s", "turning rad/s"):
-        table.add_column(name, justify="right")
-    best, least, before = tried, (np.inf, np.inf), None
-    for number in track(range(ROUNDS), "rounds", console=Console(stderr=True)):
-        found = responses(sampler_with(opened, tried), samples, seconds)
-        error = errors(found)
-        before = before or error
-        fitted = (tried.aside, tried.ahead_per_aside, tried.turning_per_aside)
-        table.add_row(str(number), *(f"{value:.2f}" for value in (*fitted, *error)))
-        if sum(error) < sum(least):
-            best, least = tried, error
-        tried = improved(tried, found)
-    console.print(table)
-    assert before is not None
+    best, verdicts, figures, table = opened.manifest.corrections, [], {}, Table("velocities", "errors by round")
+    for name, asked, improve in (("forward", AHEAD, improved_ahead), ("sideways", SIDEWAYS, improved_aside)):
+        best, found = fit(name, opened, best, asked, improve, samples, seconds)
+        table.add_row(name, ", ".join(f"{speed:.2f} m/s {turning:.2f} rad/s" for speed, turning in found))
+        least, told = min(found, key=sum), found[0]
+        for place, unit in enumerate(("m/s", "rad/s")):
+            sentence = f"{name}: missed by {least[place]:.3f} {unit} (<= {LIMITS[place]}; before {told[place]:.3f})"
+            verdicts.append(Verdict(sentence, least[place] <= LIMITS[place]))
+        figures[f"{name}_errors"] = list(least)
     best = best.model_copy(update={"speeds": speeds(sampler_with(opened, best), samples, seconds)})
-    for kind, (forward, _, turning) in best.speeds.items():
-        console.print(f"{kind}: {forward:.2f} m/s ahead, {turning:.2f} rad/s", highlight=False)
+    console = Console(width=120)
+    console.print(table)
+    console.print_json(data=best.model_dump())
     if write:
-        write_found(opened, best)
-    sentences = (
-        f"sideways velocities are missed by {least[0]:.3f} m/s (<= {LIMITS[0]}; before {before[0]:.3f})",
-        f"and by {least[1]:.3f} rad/s (<= {LIMITS[1]}; before {before[1]:.3f})",
-    )
-    verdicts = [
-        Verdict(sentence, value <= limit) for sentence, value, limit in zip(sentences, least, LIMITS, strict=True)
-    ]
-    return Outcome(verdicts, {"corrections": best.model_dump(), "speed_error": least[0], "turning_error": least[1]})
-
-
-def write_found(bundle: Bundle, corrections: Corrections) -> None:
-    """Write corrections into a bundle's manifest."""
-    sideways = {
-        name: float(_rounded(np.array(getattr(corrections, name))))
-        for name in ("aside", "ahead_per_aside", "turning_per_aside")
-    }
-    path: Path = bundle.folder / MANIFEST
-    rounded = corrections.model_copy(update=sideways)
-    write_manifest(bundle.manifest.model_copy(update={"corrections": rounded}), path)
+        path: Path = opened.folder / MANIFEST
+        write_manifest(opened.manifest.model_copy(update={"corrections": best}), path)
+    return Outcome(verdicts, {"corrections": best.model_dump(), **figures})

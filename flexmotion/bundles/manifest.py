@@ -47,8 +47,9 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_SINCE_7 = ("eight_bits",)
-_SINCE_6 = ("manner", "manner_guidance", "repertoire", *_SINCE_7)
+_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": {"ahead", "turning"}}
+_SINCE_6 = {"manner": True, "manner_guidance": True, "repertoire": True} | _SINCE_7
+"""Fields that former schemas lack."""
 
 
 class BodySize(Strict):
@@ -186,13 +187,13 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
-    if manifest.eight_bits:
+    if manifest.eight_bits or manifest.corrections.ahead or manifest.corrections.turning != 1.0:
         return _hashes(texts)
-    content = manifest.model_dump(exclude=set(_SINCE_7)) | {"schema_": "flexmotion.bundle/6"}
+    content = manifest.model_dump(exclude=_SINCE_7) | {"schema_": "flexmotion.bundle/6"}
     texts.append(_text(content))
     if manifest.manner or manifest.repertoire is not None:
         return _hashes(texts)
-    content = manifest.model_dump(exclude=set(_SINCE_6)) | {"schema_": "flexmotion.bundle/5"}
+    content = manifest.model_dump(exclude=_SINCE_6) | {"schema_": "flexmotion.bundle/5"}
     texts.append(_text(content))
     if not manifest.joint_contact:
         del content["joint_contact"]

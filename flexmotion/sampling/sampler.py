@@ -309,8 +309,8 @@ class Sampler:
         if condition.velocity is not None and self.bundle.manifest.velocity:
             ahead, aside, turning = condition.asked or condition.velocity
             more = self._catch_up(condition.velocity, remembered)
-            ahead += more[0] - corrections.ahead_per_aside * abs(aside)
-            turning += corrections.turning_per_aside * aside
+            ahead = corrections.asked_ahead(ahead) + more[0] - corrections.ahead_per_aside * abs(aside)
+            turning = corrections.turning * turning + corrections.turning_per_aside * aside
             # Bodies sway sideways in every gait: without a sideways velocity nothing is caught up with.
             aside = corrections.aside * (aside + more[1]) if aside else 0.0
             self._set_velocity((ahead, aside, turning))

@@ -173,3 +173,18 @@ def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) ->
         assert np.array_equal(one.joints, other.joints) == same
     velocity = plain._inputs["velocity"][0] * [plain.body.leg, plain.body.leg, 1.0]
     np.testing.assert_allclose(velocity, [0.0, 0.2, 0.0], atol=1e-6)
+
+
+def test_forward_velocities_are_asked_for_by_the_bundles_table(tmp_path: Path) -> None:
+    """A model that its words pull to one speed went .5 m/s where .3 were asked for."""
+    table = ((-0.3, 0.1), (0.0, -0.1), (0.5, 0.2), (1.0, 0.9))
+    corrected = Sampler(changed(tmp_path / "own", corrections={"ahead": table, "turning": 1.25}))
+    for wanted, asked in ((0.0, -0.1), (0.25, 0.05), (0.75, 0.55), (1.2, 1.1), (-0.5, -0.1)):
+        corrected.sample(corrected.standing(), Condition(velocity=(wanted, 0.0, 0.2 if wanted == 0.0 else 0.0)), seed=1)
+        assert corrected._inputs["velocity"][0, 0] * corrected.body.leg == pytest.approx(asked, abs=0.01)
+        assert corrected._inputs["velocity"][0, 2] == pytest.approx(0.25 if wanted == 0.0 else 0.0)
+
+
+def test_a_table_of_forward_velocities_grows() -> None:
+    with pytest.raises(ValueError, match=r"\[0\.5, 0\.2\], expected growing"):
+        Corrections(ahead=((0.5, 0.4), (0.2, 0.1)))
