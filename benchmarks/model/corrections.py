@@ -111,7 +111,11 @@ def improved_ahead(corrections: Corrections, found: Float) -> Corrections:
     gain = float(np.clip((found[:, 2] * side).mean() / TURNING, 1 / MOST_GAIN, MOST_GAIN))
     lacks = np.array(SPEEDS) - found[:, 0].reshape(len(SPEEDS), 2).mean(axis=1)
     shift = [corrections.asked_ahead(speed) - speed + STEP * lack for speed, lack in zip(SPEEDS, lacks, strict=True)]
-    bounded = np.clip(shift, -MOST_SHIFT, MOST_SHIFT)
+    # Never the other way than wanted: backward samples go at one speed, and would be asked to go ahead.
+    bounded = [
+        np.clip(more, -MOST_SHIFT if speed <= 0 else -speed, MOST_SHIFT if speed >= 0 else -speed)
+        for speed, more in zip(SPEEDS, shift, strict=True)
+    ]
     return corrections.model_copy(
         update={
             "ahead": tuple((speed, speed + float(more)) for speed, more in zip(SPEEDS, bounded, strict=True)),
