@@ -282,7 +282,8 @@ class Sampler:
                 return condition
             assert slowed.velocity is not None
             walks = hypot(*speed[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
-            return replace(slowed, text=None) if walks else slowed
+            # Words of running, and of turning, pull the body to their own speed: half as fast again in a turn.
+            return replace(slowed, text=None) if walks or speed[2] else slowed
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
