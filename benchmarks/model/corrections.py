@@ -43,7 +43,7 @@ SPEEDS = (-0.7, -0.3, 0.0, 0.15, 0.3, 0.5, 0.8, 1.1)
 TURNING = 0.5
 """Turning at which `ahead` at 0 and the gain of turning are fitted, to both sides [rad/s]."""
 AHEAD: tuple[Velocity, ...] = tuple((speed, 0.0, side * TURNING) for speed in SPEEDS for side in (-1, 1))
-SIDEWAYS: tuple[Velocity, ...] = tuple((ahead, aside, 0.0) for ahead in (0.0, 0.25) for aside in (-0.3, -0.2, 0.2, 0.3))
+SIDEWAYS: tuple[Velocity, ...] = tuple((0.0, side * aside, 0.0) for aside in (0.15, 0.22, 0.3) for side in (-1, 1))
 """Velocities by which corrections are fitted [m/s, m/s, rad/s]."""
 ROUNDS, STEP = 5, 0.7
 """Rounds of each fit, and the share of what is missing that a round adds."""

@@ -73,7 +73,9 @@ def rises(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
 
 
 def swings(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
-    """Whether each wanted hand waves."""
+    """Whether each wanted hand waves; `any`: whether one does."""
+    if wanted == "any":
+        return any(swings(motion, human, side) for side in ("left", "right"))
     for side in SIDES[wanted]:
         raised = human.wrist[:, side, 2] > human.shoulder[:, side, 2] - NEAR
         hand = np.einsum("tji,tj->ti", human.torso_rotation, human.hand[:, side] - human.shoulder[:, side])

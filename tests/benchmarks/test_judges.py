@@ -63,7 +63,7 @@ def test_every_check_of_a_prompt_is_known() -> None:
     assert named - set(RULES) == {"leans", "stays"}
     moving = {entry.kind for entry in prompt_kinds() if entry.moves}
     assert {"walk forward", "turn left", "step right"} <= moving and not {"bow", "stand", "wave left"} & moving
-    assert len({entry.kind for entry in prompt_kinds()}) == len(prompt_kinds()) == 16
+    assert len({entry.kind for entry in prompt_kinds()}) == len(prompt_kinds()) == 18
 
 
 def test_kinds_of_untaught_sentences_exist() -> None:
