@@ -31,6 +31,7 @@ from flexmotion.configs.corrections import Corrections, Velocity
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.text import phrases
+from flexmotion.text.sides import mirrored
 
 Float = NDArray[np.float64]
 
@@ -38,11 +39,11 @@ WORDINGS = 6
 """Of a kind of motion, of those that it has."""
 TRAVELS, TURNS = 0.35, 0.4
 """A kind travels where its samples go ahead or back faster than this, and turns where they turn faster [m/s, rad/s]."""
-SPEEDS = (-0.7, -0.3, 0.0, 0.15, 0.3, 0.5, 0.8, 1.1)
-"""Forward velocities at which `ahead` is fitted [m/s]."""
-TURNING = 0.5
-"""Turning at which `ahead` at 0 and the gain of turning are fitted, to both sides [rad/s]."""
-AHEAD: tuple[Velocity, ...] = tuple((speed, 0.0, side * TURNING) for speed in SPEEDS for side in (-1, 1))
+SPEEDS = (-0.7, -0.3, 0.15, 0.3, 0.5, 0.8, 1.1)
+"""Forward velocities at which `ahead` is fitted, besides 0 [m/s]."""
+TURNING: tuple[Velocity, ...] = tuple((ahead, 0.0, turn) for ahead in (0.0, 0.5) for turn in (-0.6, 0.6))
+"""Velocities by which turning is fitted, and `ahead` at 0."""
+AHEAD: tuple[Velocity, ...] = tuple((speed, 0.0, 0.0) for speed in SPEEDS) + TURNING
 SIDEWAYS: tuple[Velocity, ...] = tuple((0.0, side * aside, 0.0) for aside in (0.15, 0.22, 0.3) for side in (-1, 1))
 """Velocities by which corrections are fitted [m/s, m/s, rad/s]."""
 ROUNDS, STEP = 5, 0.7
@@ -77,7 +78,7 @@ def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity
     """Velocity of every kind of motion that travels by its words alone; those that mean a velocity are left out."""
     found = {}
     for kind in track(sorted(set(sampler.bundle.prompts.kinds)), "kinds", console=Console(stderr=True)):
-        if phrases.velocity(kind) is not None:
+        if phrases.velocity(kind) is not None or phrases.limbs(kind) != {"leg"}:
             continue
         texts = phrases.wordings(kind)[:WORDINGS]
         draws = [settled(sampler, seconds, seed, text=texts[seed % len(texts)]) for seed in range(samples)]
@@ -86,7 +87,12 @@ def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity
         # Words that mean sideways motion mean a velocity: what else goes aside is sway, and drift without a course.
         if abs(forward) > TRAVELS:
             found[kind] = (forward, 0.0, turning if abs(turning) > TURNS else 0.0)
-    return found
+    return {kind: _even(own, found.get(mirrored(kind), own)) for kind, own in found.items()}
+
+
+def _even(own: Velocity, image: Velocity) -> Velocity:
+    """The mean of a kind's velocity and of its mirror image's: their difference is chance."""
+    return _rounded((own[0] + image[0]) / 2), 0.0, _rounded((own[2] - image[2]) / 2) if own != image else own[2]
 
 
 def responses(sampler: Sampler, asked: Sequence[Velocity], samples: int, seconds: float) -> Float:
@@ -107,18 +113,19 @@ def errors(asked: Sequence[Velocity], found: Float) -> tuple[float, float]:
 
 def improved_ahead(corrections: Corrections, found: Float) -> Corrections:
     """Corrections of forward velocities and turning after one round, by the responses to `AHEAD`."""
-    side = np.sign(np.array(AHEAD)[:, 2])
-    gain = float(np.clip((found[:, 2] * side).mean() / TURNING, 1 / MOST_GAIN, MOST_GAIN))
-    lacks = np.array(SPEEDS) - found[:, 0].reshape(len(SPEEDS), 2).mean(axis=1)
-    shift = [corrections.asked_ahead(speed) - speed + STEP * lack for speed, lack in zip(SPEEDS, lacks, strict=True)]
-    # Never the other way than wanted: backward samples go at one speed, and would be asked to go ahead.
-    bounded = [
-        np.clip(more, -MOST_SHIFT if speed <= 0 else -speed, MOST_SHIFT if speed >= 0 else -speed)
-        for speed, more in zip(SPEEDS, shift, strict=True)
-    ]
+    asked, turned = np.array(TURNING), found[len(SPEEDS) :]
+    gain = float(np.clip((turned[:, 2] / asked[:, 2]).mean(), 1 / MOST_GAIN, MOST_GAIN))
+    on_the_spot = float(turned[asked[:, 0] == 0.0, 0].mean())
+    lacks = {0.0: -on_the_spot} | {speed: speed - row[0] for speed, row in zip(SPEEDS, found, strict=False)}
+    ahead = []
+    for speed, lack in sorted(lacks.items()):
+        shift = corrections.asked_ahead(speed) - speed + STEP * float(lack)
+        # Never the other way than wanted: backward samples go at one speed, and would be asked to go ahead.
+        least, most = (-MOST_SHIFT if speed <= 0 else -speed), (MOST_SHIFT if speed >= 0 else -speed)
+        ahead.append((speed, speed + min(max(shift, least), most)))
     return corrections.model_copy(
         update={
-            "ahead": tuple((speed, speed + float(more)) for speed, more in zip(SPEEDS, bounded, strict=True)),
+            "ahead": tuple(ahead),
             "turning": min(corrections.turning * gain**-STEP, MOST_GAIN),
         }
     )

@@ -47,7 +47,8 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": {"ahead", "turning"}}
+_CORRECTIONS_SINCE_7 = ("travelling_noise", "spot_noise", "ahead", "turning")
+_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": set(_CORRECTIONS_SINCE_7)}
 _SINCE_6 = {"manner": True, "manner_guidance": True, "repertoire": True} | _SINCE_7
 """Fields that former schemas lack."""
 
@@ -187,7 +188,8 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
-    if manifest.eight_bits or manifest.corrections.ahead or manifest.corrections.turning != 1.0:
+    corrections, plain = manifest.corrections, Corrections()
+    if manifest.eight_bits or any(getattr(corrections, name) != getattr(plain, name) for name in _CORRECTIONS_SINCE_7):
         return _hashes(texts)
     content = manifest.model_dump(exclude=_SINCE_7) | {"schema_": "flexmotion.bundle/6"}
     texts.append(_text(content))

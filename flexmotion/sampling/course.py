@@ -36,10 +36,6 @@ STEERED, AHEAD = np.radians(2.0), 2.0
 """A path beside its line is led back by turning the heading up to the first [rad], fully where it is off by about the
 second times that [m] (line-of-sight guidance: Fossen, Handbook of Marine Craft Hydrodynamics, 2011, 12.3)."""
 
-NOISE = 0.25
-"""Noise of windows that travel along a course, relative to others: the turning of one window varies by .16 rad without
-and by .06 with it, and no feedback can take back what the next window adds. Speed and cadence stay the same."""
-
 CATCHING_UP, FASTER = 0.1, 0.4
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
 
@@ -85,7 +81,7 @@ class Course:
     request: Condition | None = None
 
     def followed(
-        self, request: Condition, own: Velocity | None, past: Motion, seconds: float
+        self, request: Condition, own: Velocity | None, past: Motion, seconds: float, noise: float = 1.0
     ) -> tuple[Course, Condition]:
         """The course after the next window, and what that window is to be asked for.
 
@@ -95,6 +91,7 @@ class Course:
                 unknown.
             past: the motion so far, at least `MEASURED_S` of it where it is that long.
             seconds: length of a window.
+            noise: of windows on a course, relative to others: what one window turns by chance, no feedback takes back.
         """
         if own is not None and own[2]:
             return Course(settled=False), request
@@ -121,7 +118,7 @@ class Course:
         back = RETURNED * away / seconds
         back = back * min(1.0, FASTEST_RETURN / max(float(np.hypot(*back)), 1e-9))
         turning = float(np.clip(turning, -MOST_TURNING, MOST_TURNING))
-        request = replace(request, noise=NOISE)
+        request = replace(request, noise=noise)
         if direction is not None and abs(own[1]) > abs(own[0]):
             # Sideways models are slow whatever they are asked for: only ahead of its line or behind is made up for.
             ahead = float(np.clip(RETURNED * across / seconds, -FASTER, FASTER))

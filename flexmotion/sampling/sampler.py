@@ -28,7 +28,7 @@ from flexmotion.sampling.guidance import guided
 from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
-from flexmotion.text.phrases import BACK, STAND, WALK
+from flexmotion.text.phrases import BACK, STAND, TURNS, WALK
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 __all__ = ["Condition", "Sampler"]
@@ -40,6 +40,9 @@ STILL = 0.05
 
 RUN_FROM = 2.0
 """Humans change between walking and running at about this speed [m/s]."""
+
+SPOT = 0.25
+"""Who turns and is slower than this turns on the spot [m/s]."""
 
 BACK_FROM = 0.1
 """The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""
@@ -93,6 +96,7 @@ class Sampler:
         )
         self._rest = self.standing().joints[-1]
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
+        self._turning = tuple(self.reader.meaning(kind) for kind in TURNS)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
         self._corrections = manifest.corrections
@@ -238,7 +242,7 @@ class Sampler:
         if manifest.guided:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
-        noisy *= condition.noise * (self._corrections.standing_noise if self._stands(condition) else 1.0)
+        noisy *= self._noise(condition)
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
@@ -287,6 +291,11 @@ class Sampler:
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
+    @property
+    def travelling_noise(self) -> float:
+        """Most noise of windows that travel, relative to others."""
+        return self._corrections.travelling_noise
+
     def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
         """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
         if condition.velocity is not None:
@@ -299,6 +308,22 @@ class Sampler:
         if condition.pace is None or condition.velocity is None:
             return condition
         return replace(condition, velocity=condition.pace.slowed(condition.velocity))
+
+    def _noise(self, condition: Condition) -> float:
+        """Scale of the noise that a window begins from."""
+        if self._stands(condition):
+            return condition.noise * self._corrections.standing_noise
+        if condition.velocity is None:
+            return condition.noise
+        spot, travelling = self._corrections.spot_noise, self._corrections.travelling_noise
+        return min(condition.noise, spot if self._turns_on_the_spot(condition) else travelling)
+
+    @staticmethod
+    def _turns_on_the_spot(condition: Condition) -> bool:
+        if condition.text is not None or condition.velocity is None:
+            return False
+        forward, left, turning = condition.velocity
+        return hypot(forward, left) < SPOT and abs(turning) >= STILL
 
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
@@ -342,11 +367,13 @@ class Sampler:
         return self._manners.get(name)
 
     def _words(self, condition: Condition) -> Prompt:
-        """The words of the request; of a velocity without words, the words of walking."""
+        """The words of the request; of a velocity without words, those of walking, or of turning on the spot."""
         if condition.velocity is None or condition.text is not None:
             return self.prompt(condition.text)
         # Without words the model reaches a velocity in any manner: on its knees, or with its hands in the air.
-        forward, left, _ = condition.velocity
+        forward, left, turning = condition.velocity
+        if self._turns_on_the_spot(condition):
+            return self._turning[turning < 0]
         return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
 
     def _catch_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:

@@ -13,6 +13,8 @@ from flexmotion.text.sides import mirrored, sides
 
 STAND, WALK, BACK = "stand", "walk", "walk-back"
 """Kinds of motion: without a request; at a velocity without words, forward or sideways; at one backward."""
+TURNS = "walk-turn-left", "walk-turn-right"
+"""Kinds of motion at a velocity that turns on the spot, to the left and to the right."""
 
 
 @lru_cache

@@ -301,7 +301,9 @@ class ModelSource:
         past = self._frames(max(begin - round(MEASURED_S * self.fps), self._first), begin)
         course = self._courses[-1][1] if self._courses else Course()
         seconds = self.sampler.future / self.fps
-        course, asked = course.followed(condition, self.sampler.own_velocity(condition), past, seconds)
+        sampler = self.sampler
+        own, noise = sampler.own_velocity(condition), sampler.travelling_noise
+        course, asked = course.followed(condition, own, past, seconds, noise)
         self._courses.append((begin, course))
         return asked
 

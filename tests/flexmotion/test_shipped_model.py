@@ -138,8 +138,8 @@ def test_words_are_slowed_to_the_pace(sampler: Sampler, sentence: str) -> None:
     ("sentence", "velocity"),
     [
         ("walk backward", (-0.4, 0.0, 0.0)),
-        ("turn left", (0.5, 0.0, 0.375)),
-        ("turn right", (0.5, 0.0, -0.375)),
+        ("turn left", (0.5, 0.0, 0.4)),
+        ("turn right", (0.5, 0.0, -0.4)),
         ("make a dash for it", (0.5, 0.0, 0.0)),
     ],
 )

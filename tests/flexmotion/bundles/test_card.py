@@ -9,6 +9,7 @@ import pytest
 from flexmotion.bundles.card import CARD, Making, Trained, add_figures, write_card
 from flexmotion.bundles.manifest import MANIFEST, SCHEMA, BodySize, Manifest, read_manifest
 from flexmotion.bundles.shipped import FOLDER
+from flexmotion.configs.corrections import Corrections
 
 
 @pytest.fixture
@@ -65,7 +66,8 @@ def test_figures_replace_earlier_ones(card: Path) -> None:
 
 def test_corrections_are_listed_where_there_are_any(card: Path) -> None:
     assert "## Corrections" not in card.read_text(encoding="utf-8")
-    manifest = read_manifest(FOLDER / MANIFEST)
+    corrections = Corrections(aside=1.5, speeds={"walk": (1.3, 0.0, 0.0)})
+    manifest = read_manifest(FOLDER / MANIFEST).model_copy(update={"corrections": corrections})
     write_card(card.parent, manifest, Making("stream", 6.6, 4992, 3, {}))
     text = card.read_text(encoding="utf-8")
     assert "flexmotion export TRAINING -o BUNDLE --diffusion --corrections CORRECTIONS\n" in text

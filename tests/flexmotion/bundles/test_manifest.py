@@ -38,10 +38,14 @@ HASH_OF_0_1_0 = "363bd437c93721c6"
 """Hash of that bundle in logs recorded before schema 4."""
 
 
-def of_schema_3(folder: Path) -> Bundle:
-    """A copy of the shipped bundle with a manifest of schema 3."""
-    since = dict.fromkeys(("corrections", "joint_contact", "manner", "manner_guidance", "repertoire", "eight_bits"))
-    return changed(folder, schema_="flexmotion.bundle/3", **since)
+def of_schema_6(folder: Path) -> tuple[Bundle, Bundle]:
+    """Two copies of the shipped bundle, with corrections that schema 6 has: one in schema 7, one in schema 6."""
+    corrections = {"aside": 1.5, "speeds": {"run": [2.3, 0.0, 0.0]}}
+    rest = Corrections.model_validate(corrections).model_dump(
+        exclude={"travelling_noise", "spot_noise", "ahead", "turning"}
+    )
+    write_manifest(changed(folder / "7", corrections=corrections).manifest, folder / "7" / MANIFEST)
+    return Bundle(folder / "7"), changed(folder / "6", corrections=rest, schema_="flexmotion.bundle/6", eight_bits=None)
 
 
 def changed(folder: Path, **fields: Any) -> Bundle:
@@ -66,28 +70,28 @@ def test_a_log_of_schema_3_names_the_bundle_in_the_newest_schema_too(tmp_path: P
 
 
 def test_a_bundle_keeps_its_hashes_in_another_schema(tmp_path: Path) -> None:
-    shipped, former = Bundle(FOLDER), of_schema_3(tmp_path / "3")
-    assert former.hash != shipped.hash
-    assert former.manifest == shipped.manifest
-    assert {former.hash, shipped.hash} < set(former.hashes) == set(shipped.hashes)
+    newest, former = of_schema_6(tmp_path)
+    assert former.hash != newest.hash
+    assert former.manifest == newest.manifest
+    assert former.hash in newest.hashes and set(former.hashes) == set(newest.hashes)
 
 
-def test_a_bundle_without_joint_contact_keeps_its_layout(tmp_path: Path) -> None:
-    """Regression: a new field of the layout entered its hash, and the shipped bundle was refused."""
-    shipped = Bundle(FOLDER)
-    assert not shipped.layout.joint_contact and "joint_contact" not in shipped.layout.blocks
-    assert shipped.layout.hash == Layout(30.0, muscles=290).hash == "156da119297434f2"
+def test_joint_contact_is_part_of_the_layout(tmp_path: Path) -> None:
+    """Regression: a new field of the layout entered the hash of layouts without it, and a bundle was refused."""
+    assert Layout(30.0, muscles=290).hash == "156da119297434f2" != Bundle(FOLDER).layout.hash
     with pytest.raises(ConfigError, match="made for layout"):
-        changed(tmp_path / "other", schema_=SCHEMA, joint_contact=True)
+        changed(tmp_path / "other", joint_contact=False)
 
 
-def test_manifests_with_joint_contact_are_of_the_newest_schema_alone() -> None:
-    """An older release would sample another layout, so none of its schemas can describe such a bundle."""
-    manifest = Bundle(FOLDER).manifest
+def test_former_schemas_describe_only_what_they_had() -> None:
+    """An older release would sample another layout, or move otherwise, with such a bundle."""
+    manifest = read_manifest(OF_0_1_0)
     assert len(equivalent_hashes(manifest)) == 5
     assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 3
     assert len(equivalent_hashes(manifest.model_copy(update={"manner": True}))) == 2
     assert len(equivalent_hashes(manifest.model_copy(update={"eight_bits": True}))) == 1
+    for new in (Corrections(turning=1.2), Corrections(travelling_noise=0.5), Corrections(ahead=((0.0, 0.1),))):
+        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 1
 
 
 def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
@@ -96,11 +100,11 @@ def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
 
 
 def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
-    former = of_schema_3(tmp_path / "3")
+    newest, former = of_schema_6(tmp_path)
     parts, _ = pack(ModelSource(Sampler(former), [Item(0.0, Text("walk"))], "walk"))
-    assert parts["hash"] == former.hash != Bundle(FOLDER).hash
-    reopened = unpack(parts | {"bundle": None}, {}, Path("run.mcap"))
-    assert isinstance(reopened, ModelSource) and reopened.sampler.bundle.folder == FOLDER
+    assert parts["hash"] == former.hash != newest.hash
+    reopened = unpack(parts | {"bundle": str(newest.folder)}, {}, Path("run.mcap"))
+    assert isinstance(reopened, ModelSource) and reopened.sampler.bundle.folder == newest.folder
     changed(tmp_path / "other", corrections=None)
     with pytest.raises(ConfigError, match="not the bundle of the run"):
         unpack(parts | {"bundle": str(tmp_path / "other")}, {}, Path("run.mcap"))
@@ -138,7 +142,7 @@ def test_damaged_manifests_are_refused(tmp_path: Path, text: str, message: str) 
 
 
 def test_corrections_are_read_from_a_bundle_or_a_file(tmp_path: Path) -> None:
-    assert read_corrections(FOLDER) == CORRECTIONS_OF_3
+    assert read_corrections(FOLDER) == Bundle(FOLDER).manifest.corrections != Corrections()
     path = tmp_path / "corrections.yaml"
     path.write_text("aside: 1.5\nspeeds: {run: [2.3, 0, 0]}\n", encoding="utf-8")
     assert read_corrections(path) == Corrections(aside=1.5, speeds={"run": (2.3, 0.0, 0.0)})

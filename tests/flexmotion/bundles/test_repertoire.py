@@ -8,7 +8,7 @@ from shutil import copytree
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import Judged
+from flexmotion.bundles.manifest import MANIFEST, Judged, write_manifest
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners, write_judged
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.errors import ConfigError
@@ -21,7 +21,10 @@ def judged(share: float) -> Judged:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Bundle:
-    return Bundle(copytree(FOLDER, tmp_path / "bundle"))
+    """The shipped bundle before it was judged."""
+    bundle = Bundle(copytree(FOLDER, tmp_path / "bundle"))
+    write_manifest(bundle.manifest.model_copy(update={"repertoire": None}), bundle.folder / MANIFEST)
+    return Bundle(bundle.folder)
 
 
 def test_a_bundle_that_was_not_judged_offers_all_of_its_training(copy: Bundle) -> None:
@@ -44,7 +47,7 @@ def test_what_did_not_pass_is_refused_by_name(copy: Bundle) -> None:
 
 
 def test_figures_of_what_the_bundle_does_not_know_are_refused(copy: Bundle) -> None:
-    with pytest.raises(ConfigError, match="kind 'salute' was judged, but the bundle knows "):
-        write_judged(copy, kinds={"salute": judged(1.0)})
-    with pytest.raises(ConfigError, match="manner 'old' was judged, but the bundle knows "):
-        write_judged(copy, manners={"old": judged(1.0)})
+    with pytest.raises(ConfigError, match="kind 'swim' was judged, but the bundle knows "):
+        write_judged(copy, kinds={"swim": judged(1.0)})
+    with pytest.raises(ConfigError, match="manner 'icy' was judged, but the bundle knows "):
+        write_judged(copy, manners={"icy": judged(1.0)})
