@@ -103,15 +103,16 @@ def test_ground_forces_are_shared_as_asked(balanced: Sampler, nothing: Constrain
 
 
 def test_a_torque_stays_below_its_limit(balanced: Sampler, past: Motion, nothing: Constraints) -> None:
-    knee = 6 + JOINTS.index("knee_flexion_r")
-    plain = balanced.sample(past, Condition("walk forward"), 5)
-    assert plain.torques is not None
-    limit = 0.8 * np.abs(plain.torques[:, knee]).max()
-    asked = Condition("walk forward", constraints=nothing.torque_limit("knee_flexion_r", slice(None), limit))
-    found = balanced.sample(past, asked, 5)
-    assert found.torques is not None
-    beyond = [np.maximum(np.abs(one.torques[:, knee]) - limit, 0.0).sum() for one in (plain, found)]
-    assert beyond[1] < 0.3 * beyond[0]
+    knee, beyond = 6 + JOINTS.index("knee_flexion_r"), np.zeros(2)
+    for seed in range(5):
+        plain = balanced.sample(past, Condition("walk forward"), seed)
+        assert plain.torques is not None
+        limit = 0.8 * np.abs(plain.torques[:, knee]).max()
+        asked = Condition("walk forward", constraints=nothing.torque_limit("knee_flexion_r", slice(None), limit))
+        found = balanced.sample(past, asked, seed)
+        assert found.torques is not None
+        beyond += [np.maximum(np.abs(one.torques[:, knee]) - limit, 0.0).sum() for one in (plain, found)]
+    assert beyond[1] < 0.4 * beyond[0]
 
 
 def test_what_a_sampler_cannot_follow_is_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
