@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -50,6 +51,10 @@ class LiveSource(Source, Protocol):
         Raises:
             ConfigError: this source cannot follow such a target.
         """
+        ...
+
+    def kept(self) -> Callable[[], None]:
+        """What brings the source back to how it is now, for a target that it has turned to and that is given up."""
         ...
 
 

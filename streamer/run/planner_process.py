@@ -82,7 +82,8 @@ def serve(
             row = TickRow(latest)
             # The loop woke for its last tick at `stamp_ns`.
             since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9 * rate_hz
-            if not replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0) and replanner.has_target:
+            made = replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0)
+            if not made and replanner.has_target and not replanner.gave_up:
                 time.sleep(_PAUSE_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         requests.send(Request.FAULT, f"{type(error).__name__}: {error}")
