@@ -81,6 +81,11 @@ class TargetLedger:
         self._followed: _Entry | None = None
 
     @property
+    def has_new(self) -> bool:
+        """Whether a target has arrived that was not taken yet."""
+        return self._inbox.has_new
+
+    @property
     def has_target(self) -> bool:
         """Whether a target has arrived, or is open, which the source may turn to now."""
         return self._inbox.has_new or (self._open is not None and self._may_change(self._open.target))
