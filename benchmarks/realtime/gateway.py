@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
@@ -43,7 +43,7 @@ from flexmotion.streamer.gateway.ports import any_free
 
 FOLLOWED = ("accepted", "slowed", "partly")
 _SLOWEST = 10
-_COLLECTS_S = 1.0
+_LOOKS_S = 1.0
 _MARGIN_S = 120.0
 """Part of the run that is kept beyond the targets at intervals: standing up, the burst, parking [s]."""
 
@@ -75,8 +75,10 @@ class Measured:
     pace: MachinePace | None
 
 
-async def drive(port: int, targets: int, burst: int, interval_s: float, seed: int, collector: Collector) -> list[Told]:
-    """Send all targets and wait for their answers; collect the loop's rows meanwhile."""
+async def drive(
+    port: int, targets: int, burst: int, interval_s: float, seed: int, look: Callable[[], object] = lambda: None
+) -> list[Told]:
+    """Send all targets and wait for their answers; `look` is called once a second meanwhile."""
     random = np.random.default_rng(seed)
 
     async def one(client: AsyncClient, message: dict[str, Any]) -> Told:
@@ -90,28 +92,23 @@ async def drive(port: int, targets: int, burst: int, interval_s: float, seed: in
             return {"type": "text", "text": str(random.choice(SWITCHED_PROMPTS))}
         return {"type": "velocity", "velocity": [0.0, 0.0, round(float(random.uniform(-0.4, 0.4)), 3)], "ttl_s": 1.0}
 
-    async def collect() -> None:
+    async def watch() -> None:
         while True:
-            collector.collect()
-            await asyncio.sleep(_COLLECTS_S)
+            look()
+            await asyncio.sleep(_LOOKS_S)
 
     async with AsyncClient(port=port, source="benchmark") as client:
-        collecting = asyncio.create_task(collect())
+        watching = asyncio.create_task(watch())
         waiting = []
         for _ in range(targets):
             waiting.append(asyncio.create_task(one(client, drawn())))
             # Targets that come later, and closer than `change_s`, would wait for the change before them.
             await asyncio.sleep(0.0 if random.random() < 0.1 else float(random.uniform(0.5, 1.5)) * interval_s)
         told = list(await asyncio.gather(*waiting))
-        collector.collect()
-        spaced = collector.record.used
         told += list(await asyncio.gather(*(one(client, drawn()) for _ in range(burst))))
-        collecting.cancel()
+        watching.cancel()
         with suppress(asyncio.CancelledError):
-            await collecting
-        collector.collect()
-        # Targets of the burst wait for the change before them, by design.
-        collector.record.rows["target_to_command_s"][spaced:] = np.nan
+            await watching
         return told
 
 
@@ -122,8 +119,9 @@ def measured(targets: int, burst: int, interval_s: float, seed: int) -> Measured
         DriverError: the run has ended before all was answered.
     """
     settings = load_stream()
-    ports = {"port": any_free(), "stop_port": any_free()}
-    settings = settings.model_copy(update={"gateway": Gateway.model_validate(ports)})
+    port = any_free()
+    gateway = Gateway.model_validate({"port": port, "stop_port": any_free()})
+    settings = settings.model_copy(update={"gateway": gateway})
     live = LiveRun(settings, Listening())
     session, witness = live.session, Witness()
     kept_s = 1.5 * targets * interval_s + _MARGIN_S
@@ -135,13 +133,17 @@ def measured(targets: int, burst: int, interval_s: float, seed: int) -> Measured
         run.wait_for(State.HOLD, State.STREAMING)
         run.wait_until_it_listens()
         try:
-            told = asyncio.run(drive(ports["port"], targets, burst, interval_s, seed, collector))
+            told = asyncio.run(drive(port, targets, 0, interval_s, seed, collector.collect))
+            collector.collect()
+            spaced = record.used
+            told += asyncio.run(drive(port, 0, burst, interval_s, seed + 1, collector.collect))
         except GatewayError as error:
             collector.collect()
             faults = [event.message for event in record.events if event.kind == "fault"]
             raise DriverError(f"{error}; faults of the run: {'; '.join(faults) or 'none'}") from error
         run.end()
         collector.collect()
+        record.rows["target_to_command_s"][spaced:] = np.nan  # the burst waits for the change before, by design
         return Measured(told, record, run.report, MachinePace.of(record, witness, 0.0))
 
 

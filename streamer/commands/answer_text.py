@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexmotion.streamer.gateway.connection import StopAnswer
     from flexmotion.streamer.gateway.messages import Answer
 
 _NAME = 18
@@ -39,7 +40,7 @@ def answer_line(answer: Answer) -> str:
     return f"{answer.state}: {'; '.join(parts)}" if parts else answer.state
 
 
-def stop_line(what: str, answer: Answer) -> str:
+def stop_line(what: str, answer: StopAnswer) -> str:
     """The answer to a stop in one line; `what`: "stop" or "estop"."""
     if answer.tick is None:
         return f"{answer.state}: {answer.reason}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -11,6 +10,7 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 
 
 @runtime_checkable
@@ -53,7 +53,7 @@ class LiveSource(Source, Protocol):
         """
         ...
 
-    def kept(self) -> Callable[[], None]:
+    def kept(self) -> Undo:
         """What brings the source back to how it is now, for a target that it has turned to and that is given up."""
         ...
 

@@ -30,7 +30,7 @@ class SourceTurns:
         self, planner: Planner, runner: StepRunner | None, ledger: TargetLedger, on_note: Callable[[str], None]
     ) -> None:
         self.planner, self.runner, self.ledger, self.on_note = planner, runner, ledger, on_note
-        self._undo: list[Callable[[], None]] = []
+        self._undo: list[Undo] = []
 
     def to_target(
         self, target: Target, current: Plan | None, join: int, row: TickRow, stands_at: Callable[[], Float]

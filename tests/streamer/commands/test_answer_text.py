@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
+from flexmotion.streamer.gateway.connection import StopAnswer
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.gateway.status import Followed, Status
 
@@ -30,9 +31,9 @@ def test_what_was_heard_how_surely_and_what_differs() -> None:
 
 
 def test_a_stop_says_what_the_robot_does_and_how_to_go_on() -> None:
-    told = stop_line("estop", Answer(state="accepted", tick=12))
+    told = stop_line("estop", StopAnswer(asked="estop", state="accepted", tick=12))
     assert told.startswith("accepted before tick 12: the robot stops, parks") and "flexmotion arm" in told
-    assert stop_line("stop", Answer(state="refused", reason="the loop did not take it")) == (
+    assert stop_line("stop", StopAnswer(asked="stop", state="refused", reason="the loop did not take it")) == (
         "refused: the loop did not take it"
     )
 
