@@ -47,7 +47,7 @@ class Gateway(Strict):
         lease_s: an operator who sends nothing for this long holds the lease no longer.
         velocity_holds_s: a velocity without a time to live of its own holds this long.
         take_up_s: a target that no plan follows within this time is dropped.
-        coalesce_s: targets that come closer than this are reduced to the newest one.
+        coalesce_s: targets that come faster than one in this time are reduced to the newest; two may come at once.
         most_bytes: longest message.
         most_connections: connections at a time; further ones are refused.
         most_unread: a connection that leaves so many answers unread is closed.

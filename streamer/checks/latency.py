@@ -15,8 +15,9 @@ from flexmotion.configs.stream import Budgets, StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.witness import Witness
-from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, MOST_LEFT_OUT, Bound, LatencyResult, Stage
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, Bound, LatencyResult, Stage
 from flexmotion.streamer.checks.machine_pace import MachinePace
+from flexmotion.streamer.checks.stages import of_ticks, stage, target_to_command, unfit
 from flexmotion.streamer.checks.switching import BETWEEN_S, RandomTargets
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
@@ -144,32 +145,17 @@ def _stolen_ms() -> float:
 
 def _stages(record: RunTrace, budgets: Budgets, pace: MachinePace | None) -> dict[str, Stage]:
     """The times of each stage; of those that end in a tick also while the machine kept its pace."""
-
-    def stage(seconds: Float, *bounds: Bound) -> Stage:
-        return Stage(Latency.of(seconds, 1e-3), bounds)
-
-    def of_ticks(seconds: Float, *bounds: Bound, after: Float | float = 0.0) -> Stage:
-        if pace is None:
-            return stage(seconds, *bounds)
-        kept, measured = pace.apart(seconds, after), int(np.isfinite(seconds).sum())
-        left_out = 1.0 - np.isfinite(kept).sum() / measured if measured else 0.0
-        return Stage(Latency.of(seconds, 1e-3), bounds, Latency.of(kept, 1e-3), float(left_out))
-
-    plans, command = record.plans, record.target_to_command_s
+    plans = record.plans
+    after = record.target_to_effect_s - record.target_to_command_s
     return {
-        "loop work": of_ticks(record.work_s, Bound("p99", budgets.loop_work_p99_ms), after=record.work_s),
-        "wake lateness": of_ticks(record.lateness_s, Bound("p99", budgets.wake_lateness_p99_ms)),
-        "robot lateness": of_ticks(record.robot_lateness_s),
+        "loop work": of_ticks(pace, record.work_s, Bound("p99", budgets.loop_work_p99_ms), after=record.work_s),
+        "wake lateness": of_ticks(pace, record.lateness_s, Bound("p99", budgets.wake_lateness_p99_ms)),
+        "robot lateness": of_ticks(pace, record.robot_lateness_s),
         "sample": stage(np.array([plan.sample_s for plan in plans])),
         "retarget": stage(np.array([plan.retarget_s for plan in plans])),
         "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
-        "target to command": of_ticks(
-            command,
-            Bound("p95", budgets.target_to_command_ms, "all"),
-            Bound("p50", budgets.target_to_command_p50_ms, "kept"),
-            Bound("p99", budgets.target_to_command_p99_ms, "kept"),
-        ),
-        "target to effect": of_ticks(record.target_to_effect_s, after=record.target_to_effect_s - command),
+        "target to command": target_to_command(record, budgets, pace),
+        "target to effect": of_ticks(pace, record.target_to_effect_s, after=after),
     }
 
 
@@ -224,7 +210,7 @@ def _result(
         faults=faults,
         failures=tuple(failures),
         failures_kept=tuple(failures if pace is None else kept),
-        unfit="" if pace is None else _unfit(pace, stages["target to command"]),
+        unfit="" if pace is None else unfit(pace, stages["target to command"]),
     )
 
 
@@ -238,17 +224,6 @@ def _lateness(robot: Latency | None, missed: int, budgets: Budgets, rate_hz: flo
     if missed > budgets.missed_deadlines:
         found.append(f"missed deadlines: {missed}, budget {budgets.missed_deadlines}")
     return found
-
-
-def _unfit(pace: MachinePace, command: Stage) -> str:
-    """Why too much is left out for a verdict; empty where it is not."""
-    found = [
-        f"{100 * share:.0f} % of the {what}"
-        for what, share in (("ticks", pace.left_out), ("targets", command.left_out))
-        if share > MOST_LEFT_OUT
-    ]
-    allowed = f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
-    return f"the machine did not keep its pace in {' and '.join(found)}, {allowed}" if found else ""
 
 
 def _fault_text(event: Event, record: RunTrace, pace: MachinePace | None) -> str:

@@ -95,6 +95,11 @@ class MachinePace:
             return ""
         return f", {max(ago_s, 0.0):.2f} s after the machine itself stood still for {1e3 * stood_s:.0f} ms"
 
+    def off_pace(self, seconds: Float, after: Float | float = 0.0) -> Float:
+        """How much of a time the machine stood still or was slow, (T,) [s]; arguments as of `apart`."""
+        end = self._stamps + _ns(after)
+        return 1e-9 * covered(end - _ns(seconds), end, self._spans)
+
     def apart(self, seconds: Float, after: Float | float = 0.0) -> Float:
         """The values of a time during which the machine kept its pace, (k,) [s].
 
@@ -102,9 +107,7 @@ class MachinePace:
             seconds: the time that ended in each tick, (T,) [s]; NaN: none did.
             after: how much of it lies after the tick's wake, (T,) or one for all [s].
         """
-        end = self._stamps + _ns(after)
-        begin = end - _ns(seconds)
-        kept: Float = seconds[covered(begin, end, self._spans) <= _SHARE * (end - begin)]
+        kept: Float = seconds[self.off_pace(seconds, after) <= _SHARE * np.nan_to_num(seconds)]
         return kept
 
 

@@ -71,9 +71,8 @@ def dry_run(
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
     # and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
-    from flexmotion.streamer.log.lock import locked_folder
 
-    with locked_folder(run.report):
+    with run.outputs():
         with operator_signals() as signals:
             from flexmotion.configs.stream import load_stream
             from flexmotion.streamer.api import open_driver, open_robot

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -223,6 +224,19 @@ class RunOptions:
             ros2=self.ros2,
             gamepad=self.gamepad,
         )
+
+    @contextmanager
+    def outputs(self) -> Iterator[None]:
+        """Context of what the run writes, entered before anything is loaded: a second run by mistake ends at once.
+
+        Raises:
+            ConfigError: another run writes to the same log, or into the same report.
+        """
+        from flexmotion.streamer.log.lock import locked_folder, refuse_locked
+
+        refuse_locked(self.log)
+        with locked_folder(self.report):
+            yield
 
     def streamed_s(self, source: Source, *, stay: bool) -> float | None:
         """How much of a source a run streams at most [s]; None: what there is.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -26,27 +26,9 @@ def _present(answer: Answer, as_json: bool) -> None:
     if as_json:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
-        print_result(_line(answer))
+        print_result(answer_line(answer))
     if answer.state not in ("accepted", "slowed"):
         raise typer.Exit(CHECK_FAILED)
-
-
-def _line(answer: Answer) -> str:
-    parts: list[str] = [answer.state]
-    if answer.heard_as is not None:
-        parts.append(f"heard as {answer.heard_as}")
-    if answer.slowed is not None:
-        parts.append(f"slowed to {answer.slowed}")
-    if answer.dropped:
-        parts.append(f"not done: {', '.join(answer.dropped)}")
-    parts += answer.notes or ()
-    if answer.tick is not None:
-        parts.append(f"from tick {answer.tick}")
-    if answer.took_lease_from is not None:
-        parts.append(f"took over from {answer.took_lease_from}")
-    if answer.reason is not None:
-        parts.append(answer.reason)
-    return ", ".join(parts)
 
 
 @grouped
@@ -174,9 +156,11 @@ def send(
 def status(
     run: RunAddress,
 ) -> None:
-    """Print what a run does.
+    """Print what a run does, and why it does not do as it is told; --json: all of it, for programs.
 
     [bold]Examples[/bold]
+
+      flexmotion status
 
       flexmotion status --json
     """
@@ -185,16 +169,7 @@ def status(
     if run.as_json:
         print_json(json.dumps(found, indent=2))
         return
-    print_result("\n".join(f"{name:18}{_value(value)}" for name, value in found.items() if name not in _HIDDEN))
-
-
-_HIDDEN = ("type", "version")
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_value(one)}" for key, one in value.items() if one is not None)
-    return "none" if value is None else str(value)
+    print_result("\n".join(status_lines(found)))
 
 
 @grouped
@@ -231,9 +206,7 @@ def _press(what: str, run: StopAddress) -> None:
     if run.as_json:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
-        print_result(
-            answer.state + (f" before tick {answer.tick}" if answer.tick is not None else f": {answer.reason}")
-        )
+        print_result(stop_line(what, answer))
     if answer.state != "accepted":
         raise typer.Exit(CHECK_FAILED)
 

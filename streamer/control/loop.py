@@ -94,6 +94,7 @@ class ControlLoop:
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._last_tick = 0
+        self._moves_slowly = False  # by `move`, whose reference advances by a tick with each that is done
         self._pins = np.full(robot.n, np.nan)  # goals that the driver has pinned
         self._load = np.zeros(robot.n)  # planned, of the goals in effect
         self._lead = driver.delay_s * robot.rate_hz
@@ -173,9 +174,17 @@ class ControlLoop:
         self.driver.take_pins(self._pins)
         self.servo.take_pins(self._pins)
         np.copyto(self.command.position, self._pins, where=np.isfinite(self._pins))  # also where goals are frozen
-        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered, limp=self.joints.limp)
-        if self.tick_count - self._last_tick > _LATE_TICKS and powered:
-            self.servo.rejoin()  # the servos have held their goals meanwhile
+        late = self.tick_count - self._last_tick > _LATE_TICKS  # the servos have held their goals meanwhile
+        self.plausibility.check(
+            self.state,
+            self.now.qd,
+            self.tick_count,
+            powered=powered,
+            limp=self.joints.limp,
+            moved_s=1.0 / self.robot.rate_hz if late or self._moves_slowly else None,
+        )
+        if late and powered:
+            self.servo.rejoin()
         self._last_tick = self.tick_count
 
     def _set_inputs(self, state: State) -> None:
@@ -326,6 +335,7 @@ class ControlLoop:
         else:
             self.move.step(self.now)
             self.ahead.copy(self.now)
+        self._moves_slowly = plan is None
         np.copyto(self._load, self._torque())
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None

@@ -106,7 +106,16 @@ class Plausibility:
         """Readings that were not believed so far, of all sensors."""
         return sum(suspicion.total for suspicion in (*self.suspicions, self.imu_suspicion))
 
-    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool, limp: Bool | None = None) -> None:
+    def check(
+        self,
+        state: RobotState,
+        speed: Float,
+        tick: int,
+        *,
+        powered: bool,
+        limp: Bool | None = None,
+        moved_s: float | None = None,
+    ) -> None:
         """Replace what cannot be believed in `state`, and count it in `stale` and `imu_stale`.
 
         Args:
@@ -115,6 +124,7 @@ class Plausibility:
             powered: whether torque is on; hands may move limp joints to wherever they go. What is held against other
                 sensors stays, so that a robot with one that lies does not start.
             limp: joints without torque all the same, (n,); None: no joint.
+            moved_s: for how long the reference has moved since the last check [s]; None: all of the time.
         """
         if not powered:
             self._never.fill(False)
@@ -130,15 +140,18 @@ class Plausibility:
             self._calm = False
             for suspicion in self.suspicions[:2]:
                 suspicion.level[limp] = 0.0
-        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
+        elapsed, between = max(stamped, ticked), stamped if stamped > 0 else ticked
+        self._check_joints(state, speed, elapsed, between, powered, elapsed if moved_s is None else moved_s)
         voltage, temperature = self.suspicions[2:]
         asked = self._all if self._calm else state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
-        self._imu.check(state, max(stamped, ticked), powered=powered)
+        self._imu.check(state, elapsed, powered=powered)
 
-    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
-        """`elapsed`, `between`: time since the last check, and between the readings [s]."""
+    def _check_joints(
+        self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool, moved_s: float
+    ) -> None:
+        """`elapsed`, `between`: time since the last check, and between the readings [s]; `moved_s`: see `check`."""
         position, velocity, held = state.position, state.velocity, self._held
         calm = self._calm and between > 0 and not some(state.stale)
         if calm and self._as_expected(position, velocity, elapsed, between, powered):
@@ -148,7 +161,7 @@ class Plausibility:
         # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
         first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
         fresh = came & ((state.stale == 0) | first)
-        expected = self._position + np.where(held, speed * elapsed, 0.0)
+        expected = self._position + np.where(held, speed * moved_s, 0.0)
         self._since += elapsed
         with np.errstate(invalid="ignore"):
             jumped = np.abs(position - self._position) > self._fastest * self._since + self._margin

@@ -165,13 +165,18 @@ class ServoCommand:
         return self.goal
 
     def _settle(self, bounded: Float) -> None:
-        """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump."""
-        if some(self.offset):
+        """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump.
+
+        An offset that is on its way goes on: a loop that is late again and again would keep it for good.
+        """
+        under_way = self.offset != 0.0
+        if some(under_way):
             np.subtract(self.offset, np.clip(self.offset, -self._decay, self._decay), out=self.offset)
         if some(self._rejoins):
             away = self.goal - bounded
             begins = self._rejoins & np.isfinite(away)
-            np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=begins)
+            jumps, step = np.abs(away) > self._decay, np.clip(away, -self._decay, self._decay)
+            np.copyto(self.offset, np.where(jumps, away - np.where(under_way, step, 0.0), 0.0), where=begins)
             self._rejoins[:] = False
 
     def _bound_unsure(self, goal: Float, torque: Float, measured: RobotState, kp: Float, supply: Float) -> None:

@@ -52,6 +52,9 @@ _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
+_AT_ONCE = 2
+"""Targets that may be sent together: the second of a pair does not wait, and the planner, whose priority is higher,
+makes no plan for the first one before this process comes to the second."""
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
@@ -108,7 +111,7 @@ class Desk:
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
         self._sequences = Sequences(settings.lease_s)
-        self._sent_s = -math.inf
+        self._sent_s = deque([-math.inf] * _AT_ONCE, maxlen=_AT_ONCE)
         self._holder: str | None = None
 
     @property
@@ -149,7 +152,7 @@ class Desk:
     def pump(self) -> None:
         """Send what waits, and answer what is decided."""
         now = time.perf_counter()
-        if self._waiting is not None and now - self._sent_s >= self.settings.coalesce_s:
+        if self._waiting is not None and self._may_send(now):
             waiting, self._waiting = self._waiting, None
             self._send(waiting, now)
         for heard in heard_since(self._heard):
@@ -220,10 +223,13 @@ class Desk:
         if self._waiting is not None:
             self._reply(self._waiting, "superseded", "a newer target came within the interval of coalescing")
             self._waiting = None
-        if asked.since_s - self._sent_s >= self.settings.coalesce_s:
+        if self._may_send(asked.since_s):
             self._send(asked, asked.since_s)
         else:
             self._waiting = asked
+
+    def _may_send(self, now: float) -> bool:
+        return now - self._sent_s[0] >= _AT_ONCE * self.settings.coalesce_s
 
     def _send(self, asked: Asked, now: float) -> None:
         assert asked.intent is not None
@@ -233,7 +239,8 @@ class Desk:
         except ConfigError as error:
             self._reply(asked, "refused", str(error))
             return
-        self._sent_s, asked.due_s = now, now + min(asked.holds_s, take_up_s) + _GRACE_S
+        self._sent_s.append(now)
+        asked.due_s = now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
         self.sources[target.id] = asked.message.source
         while len(self.sources) > _SOURCES:

@@ -39,6 +39,20 @@ def lock(descriptor: int, path: Path, option: str) -> None:
         log.warning("%s: its file system has no locks: do not let another run write to it", path)
 
 
+def refuse_locked(path: Path | None, option: str = "--log") -> None:
+    """Raise `ConfigError` if another run writes to a file; None: no file.
+
+    It is not locked here: who writes to it locks it once it is opened, which may be seconds later.
+    """
+    if path is None or not path.is_file():
+        return
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        lock(descriptor, path, option)
+    finally:
+        os.close(descriptor)
+
+
 @contextmanager
 def locked_folder(folder: Path | None, option: str = "--report") -> Iterator[None]:
     """Context in which no other run writes to a folder, which is made where it is missing; None: no folder.

@@ -9,6 +9,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.streamer.motion.intents import Clip, word_of
 from flexmotion.streamer.motion.sequence import placed, poses_only, turned_to
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 
 
 class ClipLibrary:
@@ -40,6 +41,10 @@ class ClipLibrary:
             at = turned_to(at, yaw)
         scale = at.body.standing_height / clip.body.standing_height
         self._start, self._playing = frame, placed(poses_only(clip), at, scale)
+
+    def kept(self) -> Undo:
+        """See `LiveSource.kept`."""
+        return Undo(self)
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
         """See `flexmotion.streamer.motion.sources.Source.window`."""

@@ -21,6 +21,7 @@ from flexmotion.streamer.motion.intents import Text, word_of
 from flexmotion.streamer.motion.person_channel import FPS, PersonChannel, PersonPose, pose_of
 from flexmotion.streamer.motion.prediction import Foreseen, HeldSpeed, ModelPrediction, Predictor
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 
 Float = NDArray[np.float64]
 
@@ -108,6 +109,10 @@ class MirrorSource:
         if self.resting and not self.wanted:
             raise ConfigError("target: nobody is seen who could be mirrored")
         self.begin(frame, played, yaw)
+
+    def kept(self) -> Undo:
+        """See `LiveSource.kept`; poses that have come since stay."""
+        return Undo(self)
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
         """See `Source.window`; None where nobody is followed."""

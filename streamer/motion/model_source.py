@@ -24,6 +24,7 @@ from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sequence import turned_to
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later
@@ -166,6 +167,10 @@ class ModelSource:
         kind = "velocity" if isinstance(target.intent, Velocity) else remark
         self._remarked = None if remark is None else kind
         return None if self._remarked == last else remark
+
+    def kept(self) -> Undo:
+        """See `LiveSource.kept`."""
+        return Undo(self, self._clips)
 
     def program_at(self, frame: int) -> tuple[int, Program] | None:
         """The program that is followed at a frame, and its first frame; None before the first."""

@@ -10,6 +10,7 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 
 
 @runtime_checkable
@@ -50,6 +51,10 @@ class LiveSource(Source, Protocol):
         Raises:
             ConfigError: this source cannot follow such a target.
         """
+        ...
+
+    def kept(self) -> Undo:
+        """What brings the source back to how it is now, for a target that it has turned to and that is given up."""
         ...
 
 

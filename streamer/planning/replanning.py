@@ -54,6 +54,7 @@ class Replanner:
 
     Attributes:
         follows_targets: whether the source follows targets.
+        gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Replanner:
         )
         self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
-        self._succeeds = False
+        self._succeeds = self.gave_up = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
@@ -120,7 +121,7 @@ class Replanner:
         Raises:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
-        row = self._newest_row()
+        row, self.gave_up = self._newest_row(), False
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         self._drift.update(row)
@@ -166,6 +167,9 @@ class Replanner:
                 settle=None if self._lockstep else settle,
             )
         except Superseded:
+            self.gave_up = True
+            if new and self.ledger.replaces(target):
+                self._turns.give_up()
             return False
         self._asked_tick = tick
         ticket = Ticket(
@@ -322,9 +326,9 @@ class Replanner:
         self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
-        # If the first plan for a target was dropped too, frequent targets would leave no plan at all.
         self.ledger.take()
-        newer = kind is Kind.WHOLE and not new and self.ledger.wanted.id > target.id
+        redrawn = kind is Kind.WHOLE and self.ledger.wanted.id > target.id
+        newer = self.ledger.replaces(target) if new else redrawn
         if stop or newer:
             raise Superseded
 

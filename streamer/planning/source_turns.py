@@ -15,6 +15,7 @@ from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.motion.undo import Undo
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
@@ -29,6 +30,7 @@ class SourceTurns:
         self, planner: Planner, runner: StepRunner | None, ledger: TargetLedger, on_note: Callable[[str], None]
     ) -> None:
         self.planner, self.runner, self.ledger, self.on_note = planner, runner, ledger, on_note
+        self._undo: list[Undo] = []
 
     def to_target(
         self, target: Target, current: Plan | None, join: int, row: TickRow, stands_at: Callable[[], Float]
@@ -43,6 +45,7 @@ class SourceTurns:
         source = self.planner.source
         assert isinstance(source, LiveSource)
         played = self._played(current, join)
+        self._undo = [source.kept(), *([] if self.runner is None else [Undo(self.runner)])]
         try:
             remark = source.turn_to(target, *played)
         except ConfigError as error:
@@ -58,6 +61,13 @@ class SourceTurns:
                 self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
+
+    def give_up(self) -> None:
+        """Take back the last turn to a target: its plan is given up for a newer one, and nothing of it is played."""
+        for undo in self._undo:
+            undo()
+        self._undo = []
+        self.ledger.give_way()
 
     def to_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next."""

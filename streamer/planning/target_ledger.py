@@ -74,9 +74,16 @@ class TargetLedger:
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
+        self._before = (-math.inf, False)  # `_turned_s` and `halted` before the last turn
+        self._gave_way = self._gives_way = False
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
         self._followed: _Entry | None = None
+
+    @property
+    def has_new(self) -> bool:
+        """Whether a target has arrived that was not taken yet."""
+        return self._inbox.has_new
 
     @property
     def has_target(self) -> bool:
@@ -159,7 +166,8 @@ class TargetLedger:
 
     def turned(self, target: Target, heard: Heard | None) -> None:
         """The source follows a target from now on, which it understands like this (None: as it is)."""
-        self.halted = False
+        self._before, self.halted = (self._turned_s, self.halted), False
+        self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:
             self._turned_s = self._now_s()
         if self._planned is not None and self._planned.target.id != target.id:
@@ -167,6 +175,24 @@ class TargetLedger:
             self._planned = None
         if self._open is not None and self._open.target.id == target.id:
             self._planned, self._open = replace(self._open, heard=heard), None
+
+    def replaces(self, target: Target) -> bool:
+        """Whether a newer target than the one that the source has just turned to is open, and its plan may be given up.
+
+        The first plan for a target is given up for the next one, so that two in quick succession are one change and the
+        newer does not wait. The plan for that one is finished: frequent targets would leave no plan at all.
+        """
+        planned, opened = self._planned, self._open
+        if not self._gives_way or planned is None or planned.target.id != target.id or opened is None:
+            return False
+        return opened.target.intent != target.intent
+
+    def give_way(self) -> None:
+        """The source has taken back its turn to the last target, which no plan follows; the newer one is due."""
+        if self._planned is not None:
+            self._publish(self._planned, "superseded", "a newer target came before its plan was made")
+        self._planned, self._gave_way = None, True
+        self._turned_s, self.halted = self._before
 
     def refuse(self, target: Target, reason: str) -> None:
         """The source cannot follow a target."""

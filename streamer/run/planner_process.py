@@ -15,6 +15,8 @@ from flexmotion.streamer.run.requests import Request, RequestChannel
 
 _POLL_S = 0.0005
 """Pause between two looks for a new row of the loop, or a new target [s]."""
+_TOGETHER_S = 0.001
+"""Pause after a target has come, for one right after it: its sender's process has a lower priority [s]."""
 _PAUSE_S = 0.002
 """Pause before a target is considered again for which no plan could be made yet [s]."""
 
@@ -75,6 +77,9 @@ def serve(
             if count == seen and not replanner.has_target:
                 time.sleep(_POLL_S)
                 continue
+            if replanner.ledger.has_new:
+                time.sleep(_TOGETHER_S)
+                count = ticks.count
             seen, latest = count, ticks.latest()
             if latest is None:
                 time.sleep(_PAUSE_S)
@@ -82,7 +87,8 @@ def serve(
             row = TickRow(latest)
             # The loop woke for its last tick at `stamp_ns`.
             since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9 * rate_hz
-            if not replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0) and replanner.has_target:
+            made = replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0)
+            if not made and replanner.has_target and not replanner.gave_up:
                 time.sleep(_PAUSE_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         requests.send(Request.FAULT, f"{type(error).__name__}: {error}")

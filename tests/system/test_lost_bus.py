@@ -12,6 +12,7 @@ from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
 
@@ -49,3 +50,31 @@ def test_it_is_held_and_lowered_without_answers(op3: Robot, steps: Motion, phase
     up = 1 - 2 * (record.true_base[:, 4] ** 2 + record.true_base[:, 5] ** 2)
     assert (up[record.rows["state"] != State.FAULT] > np.cos(np.radians(45))).all()
     assert not driver.plant.enabled.any()
+
+
+@pytest.mark.parametrize("missed", [0, 6])
+def test_a_loop_that_gets_little_time_lowers_it_to_the_rest_pose(
+    op3: Robot, steps: Motion, monkeypatch: pytest.MonkeyPatch, missed: int
+) -> None:
+    """Six of seven ticks of a starved process were missed while it lowered a robot that did not answer.
+
+    The joints were believed to run on at the speed of the move, which advances by one tick with each that is done: the
+    goals followed them, to where joints ended 1.6 rad from the rest pose. What a late tick leaves in the goals stayed
+    too, 0.2 rad, since every tick was late. In a run on the real clock 26 goals left the envelope.
+    """
+    tick = ControlLoop.tick
+
+    def starved(self: ControlLoop, late_ns: int = 0) -> None:
+        if self.ladder.state is State.PARK:
+            self.tick_count += missed
+            self.driver.advance(missed / op3.rate_hz)  # type: ignore[attr-defined]
+        tick(self, late_ns)
+
+    monkeypatch.setattr(ControlLoop, "tick", starved)
+    driver = Unheard(op3, FIRST_S)
+    record = Session(op3, driver, ClipSource(steps), load_stream(), None).run()
+    parking = record.ticks[record.rows["state"] == State.PARK]
+    held_up = op3.usable_torque / op3.kp  # how far a goal is ahead of a joint that needs all its torque
+    assert (np.abs(parking.q_cmd - parking.q_ref)[10:] <= held_up).all()
+    assert np.abs(parking.true_q[-1] - op3.rest_pose).max() < 0.05
+    assert driver.violations == 0

@@ -60,6 +60,20 @@ def test_a_stall_of_the_loop_leaves_no_jump(op3: Robot, monkeypatch: pytest.Monk
     assert np.degrees(np.abs(after - before).max()) < 1.0
 
 
+def test_an_offset_decays_also_where_every_tick_is_late(op3: Robot) -> None:
+    """Each late tick began the way from the goals in effect anew: a starved loop never came back to its reference."""
+    command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)
+    state.position[:], state.voltage[:] = op3.stand_pose, op3.nominal_voltage
+    command.reset(op3.stand_pose + 0.1)
+    most, goals = DECAY_SHARE * op3.no_load_speed / op3.rate_hz, []
+    for _ in range(20):
+        command.rejoin()
+        goals.append(command.update(op3.stand_pose, zero, zero, state).copy())
+    np.testing.assert_allclose(goals[0], op3.stand_pose + 0.1)
+    assert (np.abs(np.diff(goals, axis=0)) <= most + 1e-12).all()
+    assert (np.abs(goals[-1] - op3.stand_pose) <= most).all()
+
+
 def test_an_offset_decays_at_a_bounded_speed_and_no_other_goal_is_bound(op3: Robot) -> None:
     command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)
     state.position[:], state.voltage[:] = op3.stand_pose, op3.nominal_voltage

@@ -81,6 +81,20 @@ def test_a_burst_is_reduced_to_its_newest_and_every_message_is_answered(make_off
     assert not office.desk.busy
 
 
+def test_two_targets_at_once_are_sent_at_once(make_office: Make, clock: Clock) -> None:
+    """The second waited for 5 ms, in which the planner, of a higher priority, had begun a plan for the first."""
+    office = make_office(coalesce_s=0.005)
+    for message in (WAVE, WALK, WAVE):
+        office.ask(message)
+    assert len(office.run.arrived()) == 2
+    clock.now += 0.009
+    office.desk.pump()
+    assert not office.run.arrived(), "one in 5 ms all the same"
+    clock.now += 0.002
+    office.desk.pump()
+    assert len(office.run.arrived()) == 1
+
+
 def test_targets_that_the_planner_never_saw_are_superseded(make_office: Make) -> None:
     office = make_office()
     for _ in range(100):  # the ring keeps 64

@@ -416,17 +416,19 @@ def test_the_command_line_sends_and_exits_by_the_answer(
     planner = answering(gateway.requests)
     port = ["--port", str(gateway.port)]
     assert execute(["send", "wave", *port]) == 0
-    assert capsys.readouterr().out.startswith("accepted, heard as wave, from tick ")
+    assert capsys.readouterr().out.startswith("accepted: heard as wave; from tick ")
     assert execute(["send", "--velocity", ".3", "0", "-0.5", "--for", "4", "--json", *port]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "accepted"
     assert [target.intent for target in planner.seen] == [Text("wave"), Velocity(0.3, 0.0, -0.5)]
     assert planner.seen[1].holds_s == 4.0
     assert execute(["status", "--json", *port]) == 0
     assert json.loads(capsys.readouterr().out)["following"]["asked"] == {"velocity": [0.3, 0.0, -0.5]}
+    assert execute(["status", *port]) == 0
+    assert "velocity 0.3 0 -0.5, of command line\n" in capsys.readouterr().out
     assert execute(["kill", *port]) == 2 and planner.requested == []
     planner.run.stopped = True
     assert execute(["send", "wave", *port]) == 1
-    assert capsys.readouterr().out == "refused, a stop is in force\n"
+    assert capsys.readouterr().out == "refused: a stop is in force\n"
     assert execute(["clear", *port]) == 0
     assert execute(["kill", "--the-robot-will-fall", *port]) == 0 and planner.requested[-1] is Request.KILL
     assert execute(["send", "wave", "--hold", *port]) == 2

@@ -120,5 +120,6 @@ def test_the_command_line_presses(
     port = ["--stop-port", str(service.port)]
     assert execute(["stop", *port]) == 0 and execute(["estop", "--json", *port]) == 0
     assert loop.requested == [Request.STOP, Request.ESTOP]
-    assert "accepted before tick" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert told.startswith("accepted before tick") and "refuses targets until: flexmotion clear" in told
     assert execute(["estop", "--stop-port", str(any_free())]) == 3

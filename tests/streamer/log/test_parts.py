@@ -174,6 +174,22 @@ def test_two_runs_do_not_write_to_one_report(tmp_path: Path, capsys: pytest.Capt
         pass
 
 
+@pytest.mark.parametrize("option", ["--log", "--report"])
+def test_a_second_run_by_mistake_ends_before_anything_is_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    """It took seconds, in which the model was loaded, until it said that the other run writes to the file."""
+    loaded = list[str]()
+    monkeypatch.setattr("flexmotion.streamer.api.open_robot", loaded.append)
+    path = tmp_path / "run.mcap"
+    held = LogFile(path)
+    with locked_folder(tmp_path):
+        for command in (["dry-run"], ["run", "-r", "op3", "-d", "sim"]):
+            assert execute([*command, option, str(path if option == "--log" else tmp_path)]) == 2
+    held.close()
+    assert not loaded
+
+
 def test_runs_that_begin_in_the_same_second_get_files_of_their_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

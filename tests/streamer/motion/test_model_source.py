@@ -191,6 +191,25 @@ def test_a_target_may_be_applied_again_at_an_earlier_frame() -> None:
     assert np.diff(continuous_heading(again.root_quaternion))[0] == pytest.approx(1.0 / 30.0)
 
 
+def test_a_target_that_is_given_up_leaves_nothing_behind() -> None:
+    """Of two targets in quick succession the newer one repeated the one before it, of which nothing was played."""
+    sources = [source() for _ in range(2)]
+    for it in sources:
+        played = it.window(0, 40)
+        assert played is not None
+        if it is sources[0]:
+            undo = it.kept()
+            it.turn_to(target(TURN), 30, played[:31])
+            assert it.window(31, 40) is not None
+            undo()
+        it.turn_to(target(Text("again")), 31, played[:32])
+    windows = [it.window(32, 40) for it in sources]
+    assert windows[0] is not None and windows[1] is not None
+    np.testing.assert_array_equal(pose(windows[0]), pose(windows[1]))
+    assert sources[0].answer == sources[1].answer
+    assert sources[0].program_at(32) == sources[1].program_at(32)
+
+
 def test_a_stop_ends_it_and_a_target_after_it_begins_from_a_stand() -> None:
     it = source(Item(0.0, WALK))
     sampled = it.window(0, 40)

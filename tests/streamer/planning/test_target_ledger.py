@@ -164,6 +164,45 @@ def test_a_flood_changes_what_is_followed_no_faster_than_the_robot_can_and_a_sto
     assert len(bench.told) == 51 and bench.states[-1] == (51, "accepted")
 
 
+def test_of_two_targets_in_quick_succession_the_newer_counts_at_once() -> None:
+    """The newer one waited until the older one had lasted for 0.2 s."""
+    bench = Bench(change_s=0.2)
+    first = bench.mailbox.send(WALK)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    bench.mailbox.send(WALK)
+    bench.look(100)
+    assert not bench.ledger.replaces(first), "a velocity that is sent again only holds longer"
+    newer = bench.mailbox.send(WAVE)
+    bench.look(101)
+    assert bench.ledger.wanted == first and bench.ledger.replaces(first)
+    bench.ledger.give_way()
+    assert bench.states == [(2, "superseded"), (1, "superseded")] and bench.ledger.wanted == newer
+    bench.ledger.turned(newer, None)
+    third = bench.mailbox.send(WALK)
+    bench.look(102)
+    assert not bench.ledger.replaces(newer), "a flood would leave no plan at all"
+    bench.taken = newer.id
+    bench.look(103)
+    assert bench.states[-1] == (newer.id, "accepted") and bench.ledger.wanted == newer
+    bench.look(122)
+    assert bench.ledger.wanted == third, "0.2 s after the change that was made"
+
+
+def test_a_target_that_gives_way_while_the_robot_is_to_stand_leaves_it_standing() -> None:
+    """Had the newer one been refused, what was asked before the stop would have gone on."""
+    bench = Bench()
+    bench.ledger.halted = True
+    first = bench.mailbox.send(WALK)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    second = bench.mailbox.send(WAVE)
+    bench.look(101)
+    bench.ledger.give_way()
+    bench.ledger.refuse(second, "cannot")
+    assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
+
+
 def test_a_stop_refuses_what_is_asked_meanwhile_and_what_was_asked_before_does_not_go_on(bench: Bench) -> None:
     """A robot that had been stopped walked on when the stop was released."""
     bench.mailbox.send(WALK)

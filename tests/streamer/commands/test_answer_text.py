@@ -1,0 +1,83 @@
+"""What a person reads in a terminal of answers and of the status."""
+
+from __future__ import annotations
+
+from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
+from flexmotion.streamer.gateway.connection import StopAnswer
+from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.status import Followed, Status
+
+
+def lines(**known: object) -> dict[str, str]:
+    status = Status.model_validate({"robot": "op3", "driver": "sim", "loop": "ticks", "state": "HOLD"} | known)
+    return {line[:18].strip(): line[18:] for line in status_lines(status.model_dump(mode="json"))}
+
+
+def test_a_refusal_says_why_first_and_names_no_tick() -> None:
+    """It read "refused, from tick 4315, 'fly' is not understood"."""
+    told = answer_line(Answer(state="refused", reason="'fly' is not understood", heard_as="stand", tick=4315))
+    assert told == "refused: 'fly' is not understood"
+
+
+def test_what_was_heard_how_surely_and_what_differs() -> None:
+    told = Answer(state="slowed", heard_as="walk-left", certainty=0.62, slowed="0.18 m/s", tick=7, dropped=("a song",))
+    assert (
+        answer_line(told) == "slowed: heard as walk-left (62 % sure); slowed to 0.18 m/s; not done: a song; from tick 7"
+    )
+    assert answer_line(Answer(state="accepted", heard_as="wave", certainty=1.0)) == "accepted: heard as wave"
+    assert answer_line(Answer(state="superseded", reason="a newer target came first")).endswith(
+        ": a newer target came first"
+    )
+
+
+def test_a_stop_says_what_the_robot_does_and_how_to_go_on() -> None:
+    told = stop_line("estop", StopAnswer(asked="estop", state="accepted", tick=12))
+    assert told.startswith("accepted before tick 12: the robot stops, parks") and "flexmotion arm" in told
+    assert stop_line("stop", StopAnswer(asked="stop", state="refused", reason="the loop did not take it")) == (
+        "refused: the loop did not take it"
+    )
+
+
+def test_the_status_is_for_a_person_to_read() -> None:
+    """It printed the lists of the JSON: "odometry [0.0793, -0.0521, -0.6089]", "limp []", "cause none"."""
+    follows = Followed(
+        source="page 3f", asked={"velocity": [0.3, 0.0, -0.5]}, heard_as="velocity", slowed=None, target=3, tick=9
+    )
+    told = lines(
+        time_s=68.0,
+        odometry=(0.0793, -0.0521, -0.6089),
+        tilt=(-0.0032, 0.1745),
+        hottest=26.0,
+        supply=12.0,
+        missed_deadlines=0,
+        following=follows,
+        operator="page 3f",
+        counts={"received": 3, "accepted": 2, "refused": 1},
+        ways={"stop process": "works"},
+    )
+    assert told == {
+        "robot": "op3 on sim, for 68.0 s",
+        "state": "HOLD",
+        "follows": "velocity 0.3 0 -0.5, of page 3f",
+        "operator": "page 3f",
+        "place": "0.08 m ahead, 0.05 m right, turned 35° right",
+        "torso": "tilted 10.00° forward, 0.18° left",
+        "hottest servo": "26 °C",
+        "supply": "12 V",
+        "missed deadlines": "0",
+        "messages": "3, accepted 2, refused 1",
+        "stop process": "works",
+    }
+
+
+def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> None:
+    stopped = lines(must_stop=True)
+    assert "flexmotion clear" in stopped["targets"] and stopped["follows"].startswith("nothing")
+    limp = lines(state="READY", must_stop=True, limp=("l_el",))
+    assert limp["limp joints"] == "l_el" and "targets" not in limp
+    fault = lines(state="FAULT", cause="e-stop: frozen by an operator", must_stop=True)
+    assert fault["cause"] == "e-stop: frozen by an operator" and "targets" not in fault
+    known = {"source": "a", "heard_as": "wave-right-hand", "slowed": None, "target": 1, "tick": 2, "end": "done"}
+    ended = lines(following=Followed.model_validate(known | {"asked": {"text": "wave"}}))
+    assert ended["follows"] == '"wave", heard as wave-right-hand, of a; ended: done'
+    assert lines(loop="silent", state=None)["state"] == "the loop does not run; it was never started"
