@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Iterator, Sequence
 
@@ -22,7 +23,15 @@ from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
 from flexmotion.drivers.dynamixel.register_read import read_registers
 from flexmotion.drivers.dynamixel.registers import VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, check_settings, find, prepare, restart
+from flexmotion.drivers.dynamixel.setup import (
+    ANSWER_ALL,
+    Found,
+    UnreadableError,
+    check_settings,
+    find,
+    prepare,
+    restart,
+)
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
@@ -132,6 +141,13 @@ class DynamixelBus(ServoBus):
 
     # ---------------------------------------------------------------- before the first tick
 
+    def look(self) -> None:
+        """See `ServoBus`."""
+        board = self._board
+        if board is None or board.find(self._client) is not None or board.powered(self._client):
+            with contextlib.suppress(UnreadableError):
+                self._find()
+
     def audit(self) -> None:
         """See `ServoBus`."""
         if self._board is not None:
@@ -146,8 +162,7 @@ class DynamixelBus(ServoBus):
         self.imu = self._board
         # First of all, so that reads and writes are answered; this write itself is not.
         self._write_all("status_return_level", ANSWER_ALL)
-        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
-        refuse_unconfigured([each.inspection for each in found])
+        found = self._find()
         fast: dict[tuple[Span, bool], list[int]] = {}
         for slot, (joint, layout) in enumerate(zip(self.joints, self._layouts, strict=True)):
             ready = prepare(self._client, self.robot, int(joint), layout, found[slot])
@@ -162,6 +177,12 @@ class DynamixelBus(ServoBus):
         if not answered.all():
             silent = self.joint_name(int(np.argmin(answered)))
             raise DriverError(f"{silent} on {self.port.path}: does not answer sync reads")
+
+    def _find(self) -> list[Found]:
+        """Every servo of the bus, as it was read. Raises as `audit`."""
+        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
+        return found
 
     # ---------------------------------------------------------------- the cycle
 

@@ -32,6 +32,10 @@ BOOT_S, LONGEST_BOOT_S, BOOT_LOOK_S = 0.3, 2.0, 0.2
 [s] (assumptions: the e-Manual gives no time)."""
 
 
+class UnreadableError(DriverError):
+    """A servo answers pings, and reads only after `ANSWER_ALL` has been written."""
+
+
 @dataclass(frozen=True)
 class Found:
     """A servo as it was read.
@@ -136,7 +140,8 @@ def run_settings(robot: Robot, joint: int) -> dict[str, int]:
 def find(client: Client, robot: Robot, joint: int, present_id: int | None = None) -> Found:
     """Read a joint's servo, which may have another id at present; nothing is written.
 
-    Raises `DriverError` if the servo does not answer, or has another model number or protocol.
+    Raises `DriverError` if the servo does not answer, or has another model number or protocol, `UnreadableError` if its
+    status return level is 0.
     """
     config, servo = robot.joints[joint], robot.servos[joint]
     table, id_ = table_of(servo.name), config.id if present_id is None else present_id
@@ -151,7 +156,7 @@ def find(client: Client, robot: Robot, joint: int, present_id: int | None = None
         raise DriverError(f"{where}: model number {model}, expected {servo.model_number} of {servo.name}")
     memory = read_head(client, id_, table)
     if memory is None:
-        raise DriverError(
+        raise UnreadableError(
             f"{where}: answers a ping and no read: its status return level is 0; `flexmotion servo configure` changes "
             "it until the power is switched off"
         )

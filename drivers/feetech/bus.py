@@ -16,7 +16,7 @@ from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.bus.sum_client import LATENCY_S, SumClient
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
-from flexmotion.drivers.feetech.setup import find, prepare
+from flexmotion.drivers.feetech.setup import Found, find, prepare
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
@@ -72,15 +72,24 @@ class FeetechBus(ServoBus):
         read_s, asked_s = read * byte_s + m * config.return_delay_us * 1e-6, (FORMAT.overhead + 2 + m) * byte_s
         return Budget(read, write, read_s, write * byte_s, asked_s)
 
+    def look(self) -> None:
+        """See `ServoBus`."""
+        self._find()
+
     def audit(self) -> None:
         """See `ServoBus`."""
-        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
-        refuse_unconfigured([each.inspection for each in found])
+        found = self._find()
         for slot, joint in enumerate(self.joints):
             prepare(self._client, self.robot, int(joint), found[slot])
             held = found[slot].held
             self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
+
+    def _find(self) -> list[Found]:
+        """Every servo of the bus, as it was read. Raises as `audit`."""
+        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
+        return found
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""

@@ -74,6 +74,10 @@ class Lx16aBus(ServoBus):
         m = sum(joint.bus == name for joint in robot.joints)
         return 2 * math.ceil(m / _positions_a_cycle(m, robot.rate_hz))
 
+    def look(self) -> None:
+        """See `ServoBus`."""
+        self.audit()  # it writes nothing
+
     def audit(self) -> None:
         """See `ServoBus`. There is no model number to check."""
         for slot in range(len(self.ids)):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexmotion.streamer.commands.option_groups import FollowedOptions, RunOptions, grouped
 from flexmotion.streamer.commands.options import Clock
+
+if TYPE_CHECKING:
+    from flexmotion.drivers.interface import Driver
 
 
 @grouped
@@ -70,14 +73,17 @@ def run(
             settings = load_stream(run.settings)
             stay = clock == "real" and not once and run.seconds is None
             chosen = open_robot(robot)
-            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             options = parse_options(option or ())
             if port is not None:
                 options["port"] = port
             if driver == "sim":
                 options["seed"] = motion.seed
+            hardware = open_driver(driver, chosen, **options)
+            # Before the motion, which takes long to load and to plan.
+            _look(hardware, wait=wait)
+            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             session = run.session(
-                open_driver(driver, chosen, **options),
+                hardware,
                 source,
                 settings,
                 clock=clock,
@@ -90,3 +96,22 @@ def run(
             session.waits = wait
             outcome = stream(session, signals)
         present(outcome, run.report, run.as_json, signals)
+
+
+def _look(driver: Driver, *, wait: bool) -> None:
+    """Check the robot before anything is prepared for it; nothing is written to it, and torque stays as it is.
+
+    Args:
+        wait: the robot need not be there yet.
+
+    Raises:
+        ConfigError: a servo is not configured.
+        DriverError: a port or a servo does not answer.
+    """
+    from flexmotion.configs.errors import DriverError
+
+    try:
+        driver.look()
+    except DriverError:
+        if not wait:
+            raise
