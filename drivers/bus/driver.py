@@ -235,12 +235,7 @@ class BusDriver(Driver):
         """Open every port. Raises `DriverError`."""
         for name, path in self._paths.items():
             port = self.open_port(path, self.robot.config.buses[name].baud)
-            if port.echoes():
-                port.close()
-                raise DriverError(
-                    f"port {path}: the adapter echoes what is sent, and answers cannot be told from it: switch the "
-                    "echo off (its receiver must be disabled while it sends), or use another adapter"
-                )
+            port.refuse_echo()
             self.buses.append(self.Bus(self.robot, name, port, self._settings))
 
     def _cycle(self, begin: float, deadline: float) -> None:

@@ -20,6 +20,7 @@ class FeetechTools(BusTools):
 
     protocol = "feetech"
     baud_rates = BAUD_RATES
+    new_baud = 1_000_000  # memory table of the STS series
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -76,6 +77,12 @@ class FeetechTools(BusTools):
         self._client.ask(config.id, Instruction.WRITE, code, answer=0, once=True)
         self.port.set_baud(baud)
         write(self._client, robot, joint, "lock", 1)
+
+    def is_alone(self, id_: int) -> bool:
+        """See `BusTools`. All registers."""
+        size = max(register.end for register in sts().registers.values())
+        self._client.ask(id_, Instruction.READ, bytes([0, size]), answer=size)
+        return not self._client.damaged
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""

@@ -116,7 +116,8 @@ def _audit(robot: Robot, port: str) -> Audit:
     from flexmotion.drivers.bus.inspection import refuse_unconfigured
     from flexmotion.drivers.interface import RobotState
 
-    state, failure = RobotState(robot.n), None
+    state = RobotState(robot.n)
+    failure: FlexMotionError | None = None
     read = np.zeros(robot.n, bool)
     try:
         with open_bench(robot, port) as bench:

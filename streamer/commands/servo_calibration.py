@@ -65,7 +65,8 @@ def calibrate(
         print_result("ended, nothing stored")
         return
     file = write_calibration(chosen.folder, calibration)
-    print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
+    if any(servo.protocol == "dynamixel2" for servo in chosen.servos):
+        print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
     if as_json:
         print_json(calibration.model_dump())
     else:

@@ -75,7 +75,9 @@ def restore(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the settings back that servos had before `servo configure`.
+    """Write the settings back that servos had before `servo configure` or `servo adopt`.
+
+    Only the servos in the file must be connected. Ids and bit rates stay as they are.
 
     [bold]Examples[/bold]
 
@@ -88,7 +90,7 @@ def restore(
     kept = read_settings(file, chosen.name)
     with open_bench(chosen, port, power=True) as bench:
         bench.acknowledge()
-        inspections = bench.inspect()
+        inspections = bench.inspect(list(kept.joints))
         now = {each.joint: each for each in inspections}
         changes: Changes = {}
         for joint, old in kept.joints.items():

@@ -302,7 +302,7 @@ def test_a_joint_outside_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig
 @pytest.mark.parametrize(
     ("register", "value", "says"),
     [
-        ("model_number", 1060, r"l_knee \(id 14\).*model number 1060, expected 1020 of XM430-W350"),
+        ("model_number", 1060, r"l_knee \(id 14\).*is XL430-W250 .*1060\), the robot file has XM430-W350"),
         ("protocol_type", 21, r"l_knee \(id 14\).*another protocol"),
         ("id", 99, r"l_knee \(id 14\).*does not answer at 2000000 baud"),
     ],

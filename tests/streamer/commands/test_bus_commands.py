@@ -124,11 +124,19 @@ def test_servos_are_audited_found_renamed_and_watched(
     assert [each["id"] for each in found] == [*range(1, 21), 200]
     # Went wrong: a scan that found no servo exited with 0.
     assert execute(["servo", "scan", *port, "--baud", "57600"]) == 1
-    assert "no servo answers" in capsys.readouterr().err
+    assert "no servo of dynamixel2 answers" in capsys.readouterr().err
     assert execute(["servo", "scan", *port, "--baud", "12345"]) == 1
     assert "--baud 12345: no rate of servos of dynamixel2, theirs are 9600, 57600" in capsys.readouterr().err
     succeed("servo", "set-id", "14", "77", *bus)
-    assert execute(["servo", "watch", *port, "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
+    capsys.readouterr()
+    # Went wrong: with one servo missing, none was shown.
+    assert execute(["servo", "watch", *port, "--seconds", "0.2", "--json"]) == 3
+    out, err = capsys.readouterr()
+    rows = json.loads(out)
+    assert {row["position_rad"] for row in rows if row["id"] == 14} == {None}
+    missed = {row["id"]: row["missed_reads"] > 0 for row in rows}
+    assert missed.pop(14) and len(missed) == 19 and not any(missed.values())
+    assert "servo of l_knee (id 14) on main: does not answer at 2000000 baud" in err
     succeed("servo", "set-id", "77", "14", *bus)
 
     rows = json.loads(succeed("servo", "watch", *port, "--seconds", "1", "--json"))
