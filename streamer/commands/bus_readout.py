@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexmotion.configs.errors import DriverError
+from flexmotion.configs.errors import ConfigError, DriverError
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
@@ -35,6 +35,17 @@ def open_bench(
     from flexmotion.drivers.bus.options import BusOptions
 
     return Bench(robot, BusOptions(port=port, imu=imu, imu_port=imu_port), imu=imu, power=power)
+
+
+def refuse_shipped(robot: Robot) -> None:
+    """What is measured is of one robot: the shipped file is that of all of its kind. Raises `ConfigError`."""
+    from flexmotion.configs.robot import is_shipped
+
+    if is_shipped(robot):
+        raise ConfigError(
+            f"--robot {robot.name}: a shipped robot, whose folder is the program's; copy {robot.folder} to one of "
+            "your own and give that folder"
+        )
 
 
 def angle_at_rest(bench: Bench, index: int) -> float | None:

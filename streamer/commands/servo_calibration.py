@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, angle_at_rest, open_bench
+from flexmotion.streamer.commands.bus_readout import PortOption, angle_at_rest, open_bench, refuse_shipped
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
@@ -57,7 +57,7 @@ def calibrate(
     from flexmotion.configs.robot import load_robot
 
     chosen = load_robot(robot)
-    _refuse_shipped(chosen)
+    refuse_shipped(chosen)
     for name in joint or ():
         chosen.index(name)
     calibration = _measure_zeros(chosen, port, joint or list(chosen.joint_names))
@@ -100,7 +100,7 @@ def calibrate_imu(
     from flexmotion.drivers.imu.mounting import mounting
 
     chosen = load_robot(robot)
-    _refuse_shipped(chosen)
+    refuse_shipped(chosen)
     imu = chosen.config.imu
     if imu is None or imu.driver is None:
         raise ConfigError(f"{chosen.file}: field imu.driver: there is no IMU to calibrate")
@@ -117,17 +117,6 @@ def calibrate_imu(
         print_json(measured.model_dump())
     else:
         print_result(f"the IMU's frame in the torso, w x y z: {w:g} {x:g} {y:g} {z:g}; stored: {file}")
-
-
-def _refuse_shipped(robot: Robot) -> None:
-    """A calibration is of one robot: the shipped file is that of all of its kind. Raises `ConfigError`."""
-    from flexmotion.configs.robot import is_shipped
-
-    if is_shipped(robot):
-        raise ConfigError(
-            f"--robot {robot.name}: a shipped robot, whose folder is the program's; copy {robot.folder} to one of "
-            "your own and give that folder"
-        )
 
 
 def _specific_force(bench: Bench, what: str) -> Float:

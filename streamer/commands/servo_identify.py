@@ -14,7 +14,7 @@ import typer
 from rich.table import Table
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import open_bench
+from flexmotion.streamer.commands.bus_readout import open_bench, refuse_shipped
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -72,6 +72,8 @@ def identify(
     if amplitude is not None and not (math.isfinite(amplitude) and amplitude > 0.0):
         raise ConfigError(f"--amplitude {amplitude:g}: expected an angle above 0 [rad]")
     chosen = load_robot(robot)
+    if not dry_run:
+        refuse_shipped(chosen)
     indices = [chosen.index(name) for name in dict.fromkeys(joint)]
     if log is not None:
         _finish(chosen, _from_log(chosen, indices, log), as_json=as_json)
