@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from flexmotion.configs.errors import FlexMotionError
-from flexmotion.streamer.commands.bus_readout import open_bench
+from flexmotion.streamer.commands.bus_readout import PORTS_HELP, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -24,7 +24,10 @@ _MOST_READS = 5
 def bus(
     robot: RobotOption = "op3",
     port: Annotated[
-        str | None, typer.Option("--port", "-p", help="Audit the servos on this port too.", show_default=False)
+        str | None,
+        typer.Option(
+            "--port", "-p", metavar="PORT", help=f"Audit the servos on it too. {PORTS_HELP}", show_default=False
+        ),
     ] = None,
     rate: Annotated[
         float | None, typer.Option("--rate", min=1, help="Loop rate \\[Hz]; the robot file's if not given.")

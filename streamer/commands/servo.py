@@ -11,7 +11,7 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
+from flexmotion.streamer.commands.bus_readout import PortOption, PortsOption, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -128,7 +128,7 @@ def reboot(
 
 @servo.command()
 def watch(
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.1, help="End after this time.", show_default=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
+from flexmotion.streamer.commands.bus_readout import PortsOption, open_bench
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.servo_settings import YesOption
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def adopt(
     joint: Annotated[str, typer.Option("--joint", "-j", help="Joint that the servo drives.")],
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     present_id: Annotated[
         int | None, typer.Option("--id", min=0, max=252, help="Its present id; that of a new servo if not given.")

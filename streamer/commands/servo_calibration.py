@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, angle_at_rest, open_bench, refuse_shipped
+from flexmotion.streamer.commands.bus_readout import PortsOption, angle_at_rest, open_bench, refuse_shipped
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
@@ -32,7 +32,7 @@ _STILL_RAD_S = 0.2
 
 
 def calibrate(
-    port: PortOption,
+    port: PortsOption,
     robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
     joint: Annotated[
         list[str] | None, typer.Option("--joint", "-j", help="Only this joint (repeatable).", show_default=False)
@@ -74,7 +74,7 @@ def calibrate(
 
 
 def calibrate_imu(
-    port: PortOption,
+    port: PortsOption,
     robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
     imu_port: Annotated[
         str | None,

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
+from flexmotion.streamer.commands.bus_readout import PortsOption, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -26,7 +26,7 @@ Changes = dict[str, dict[str, int]]
 
 
 def configure(
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     check: Annotated[
         bool, typer.Option("--check", help="Only show what differs; exit code 1 if anything does.")
@@ -66,7 +66,7 @@ def configure(
 
 def restore(
     file: Annotated[Path, typer.Argument(help="File of old values that `servo configure` has stored.")],
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     yes: YesOption = False,
     backup: Annotated[

@@ -346,7 +346,7 @@ def test_a_port_in_use_is_named(op3: Robot, emulated: Callable[..., Emulator]) -
 def test_options_name_a_port_for_every_bus(op3: Robot) -> None:
     with pytest.raises(ConfigError, match="expected either port"):
         create("dynamixel", op3)
-    with pytest.raises(ConfigError, match="no device for bus 'main'"):
+    with pytest.raises(ConfigError, match="no port for bus 'main'"):
         create("dynamixel", op3, ports={"other": "/dev/x"})
 
 

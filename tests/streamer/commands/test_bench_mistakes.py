@@ -89,3 +89,23 @@ def test_a_servo_that_is_not_driven_is_named(
     assert "XL-320 (not supported)" in capsys.readouterr().out
     assert execute(["check", "bus", *PORT, "--robot", str(folder)]) == 3
     assert "is XL-320 (not supported) (model number 350), the robot file has XM430-W350" in capsys.readouterr().err
+
+
+class _AskedForMotionError(Exception):
+    """The run has looked at the bus, and goes on."""
+
+
+def test_a_run_says_that_its_rate_does_not_fit_the_bus(
+    bus: tuple[Wired, str, list[str]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: readings were missed without a word. Servos that are read in turns keep up with any rate."""
+    it, protocol, _ = bus
+
+    def ask(*_: object, **__: object) -> None:
+        raise _AskedForMotionError
+
+    monkeypatch.setattr("flexmotion.streamer.commands.choice.choose_source", ask)
+    with pytest.raises(_AskedForMotionError):
+        execute(["run", "--robot", str(it.robot.folder), "--driver", protocol.removesuffix("2"), *PORT])
+    told = "bus main: 125 Hz does not fit, the highest rate is 120 Hz" in capsys.readouterr().err
+    assert told is (protocol == "feetech")
