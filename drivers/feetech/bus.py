@@ -82,6 +82,7 @@ class FeetechBus(ServoBus):
         for slot, joint in enumerate(self.joints):
             prepare(self._client, self.robot, int(joint), found[slot])
             held = found[slot].held
+            self.temperature_limit[slot] = held["temperature_limit"]
             self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
         # No position is made up for a servo that does not answer the first read of a run.
@@ -137,6 +138,8 @@ class FeetechBus(ServoBus):
     def switch_on(self) -> None:
         """See `ServoBus`."""
         self._limp.fill(False)
+        blamed: int | None = None
+        wrong = ""
         for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():

@@ -43,6 +43,8 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         "max_position_limit": servo.max_tick,
         "return_delay": round(robot.config.buses[config.bus].return_delay_us / RETURN_DELAY_US),
         "p_gain": config.p_gain or servo.gain_register,
+        "d_gain": sts()["d_gain"].initial,
+        "i_gain": 0,
     }
 
 

@@ -89,4 +89,6 @@ class FeetechTools(BusTools):
         lock, address = sts()["lock"].address, sts()["id"].address
         self._client.ask(old, Instruction.WRITE, bytes([lock, 0]), answer=0)
         self._client.ask(old, Instruction.WRITE, bytes([address, new]), answer=0, once=True)
-        self._client.ask(new, Instruction.WRITE, bytes([lock, 1]), answer=0)
+        for id_ in (new, old):  # the servo has one of them
+            if self._client.ask(id_, Instruction.WRITE, bytes([lock, 1]), answer=0) is not None:
+                break

@@ -400,3 +400,23 @@ def test_the_feetech_servo_that_refuses_a_start_is_blamed(
     with driver, pytest.raises(DriverError, match=rf"servo of l_knee \(id 14\) on main: {what}: torque stays off"):
         driver.set_torque(True)
     assert not world.emulator.body.plant.enabled.any()
+
+
+def test_a_feetech_servo_switches_itself_off_at_its_own_temperature(sts: Robot) -> None:
+    """Regression: the catalogue's temperature counted, whatever the servo was set to."""
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[knee].put("temperature_limit", 55)
+    with driver:
+        assert driver.temperature_limit[knee] == 55 and driver.temperature_limit[knee - 1] == 70
+
+
+def test_a_feetech_servo_with_an_integral_gain_is_not_configured(sts: Robot) -> None:
+    """The servo plant has none: such a joint goes on turning after its goal has stopped."""
+    driver, world = looped("feetech", sts)
+    bus = world.emulator.lines[0].bus
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[sts.index("l_knee")].put("i_gain", 5)
+    with pytest.raises(ConfigError, match=r"l_knee \(id 14\).*i_gain is 5, the robot file wants 0"):
+        driver.look()
