@@ -172,6 +172,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "median [ms]": "{median_ms:.2f}",
             "p99 [ms]": "{p99_ms:.2f}",
             "median / wire": "{median_over_wire:.2f}",
+            "processor [µs]": "{processor_us:.0f}",
+            "over rustypot's": "{processor_ratio:.2f}",
             "failed cycles": "{failed}",
         },
     ),

@@ -147,6 +147,19 @@ class Family(Strict):
         return parse(Servo, content | identity | {"provenance": provenance}, file.with_name(f"{file.name}#{name}"))
 
 
+class NotDriven(Strict):
+    """Actuators that no built-in driver supports: why, and their answer to a ping."""
+
+    reason: str
+    model_number: int | None = None
+
+
+@cache
+def not_driven() -> dict[str, NotDriven]:
+    """Actuators that no built-in driver supports, by the start of the model name."""
+    return {start: parse(NotDriven, content, NOT_DRIVEN) for start, content in read_yaml(NOT_DRIVEN).items()}
+
+
 @cache
 def catalogue() -> dict[str, Servo]:
     """All servos by name. Raises `ConfigError` if a file is malformed."""
@@ -161,9 +174,9 @@ def find_servo(name: str) -> Servo:
     """The servo `name`. Raises `ConfigError` with the reason if it is not supported, or with the closest models."""
     servos = catalogue()
     if name not in servos:
-        for start, reason in read_yaml(NOT_DRIVEN).items():
+        for start, other in not_driven().items():
             if name.upper().startswith(start):
-                raise ConfigError(f"servo {name!r} {reason}: it needs a driver plug-in (docs/drivers.md)")
+                raise ConfigError(f"servo {name!r} {other.reason}: it needs a driver plug-in (docs/drivers.md)")
         close = get_close_matches(name.upper(), servos, n=3, cutoff=0.4) or sorted(servos)
         raise ConfigError(f"unknown servo {name!r}, did you mean: {', '.join(close)}")
     return servos[name]

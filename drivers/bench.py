@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol
 from flexmotion.drivers.bus.inspection import Inspection, refuse_locked
@@ -47,7 +48,7 @@ class Bench:
         power: bool = False,
         open_port: Callable[[str, int], SerialPort] | None = None,
     ) -> None:
-        """Raises `ConfigError` if a port is missing from the options, `DriverError` if one cannot be opened."""
+        """Raises `ConfigError` if a port is missing from the options, `DriverError` if one cannot be used."""
         self.robot = robot
         self.tools: dict[str, BusTools] = {}
         self._open_port = SerialPort if open_port is None else open_port
@@ -57,6 +58,7 @@ class Bench:
             for name, bus in robot.config.buses.items():
                 protocol = next(s.protocol for j, s in zip(robot.joints, robot.servos, strict=True) if j.bus == name)
                 port = self._open_port(options.port_of(name, robot), bus.baud)
+                port.refuse_echo()
                 self.tools[name] = TOOLS[protocol](port)
             for name, tools in self.tools.items():
                 if power:
@@ -79,9 +81,25 @@ class Bench:
         if self._standalone is not None:
             self._standalone.close()
 
-    def inspect(self) -> list[Inspection]:
-        """The settings of every servo, in robot order. Raises `DriverError` if one is missing or another model."""
-        return [self._of(joint).inspect(self.robot, joint) for joint in range(self.robot.n)]
+    def inspect(self, joints: Sequence[str] | None = None) -> list[Inspection]:
+        """The settings of every servo, or of those of `joints`, in robot order.
+
+        Raises `DriverError` if one is missing or another model.
+        """
+        robot = self.robot
+        wanted = [i for i, name in enumerate(robot.joint_names) if joints is None or name in joints]
+        return [self._of(joint).inspect(robot, joint) for joint in wanted]
+
+    def inspect_what_answers(self) -> tuple[list[Inspection], list[DriverError]]:
+        """The settings of those servos that tell them, in robot order, and why the others do not."""
+        found: list[Inspection] = []
+        missing: list[DriverError] = []
+        for joint in range(self.robot.n):
+            try:
+                found.append(self._of(joint).inspect(self.robot, joint))
+            except DriverError as error:
+                missing.append(error)
+        return found, missing
 
     def acknowledge(self) -> None:
         """Make every servo answer every instruction: before settings are written."""
@@ -92,16 +110,17 @@ class Bench:
         """Write settings that servos keep without power.
 
         Args:
-            inspections: of all servos.
+            inspections: of these servos, or of more.
             settings: joint -> name -> value of those that change.
 
         Raises:
             DriverError: torque is on in one of these servos (nothing is written then), or one refuses a setting.
         """
-        refuse_locked([each for each in inspections if settings.get(each.joint)])
-        for joint, each in enumerate(inspections):
-            if settings.get(each.joint):
-                self._of(joint).write_settings(self.robot, joint, settings[each.joint])
+        changing = [each for each in inspections if settings.get(each.joint)]
+        refuse_locked(changing)
+        for each in changing:
+            joint = self.robot.index(each.joint)
+            self._of(joint).write_settings(self.robot, joint, settings[each.joint])
 
     def torque_off(self, joint: int) -> None:
         """Switch the torque of a joint's servo off. Raises `DriverError`."""

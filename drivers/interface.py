@@ -134,6 +134,13 @@ class Driver(ABC):
         """Reads within which every joint is read once: a slow bus reads its servos in turns."""
         return 1
 
+    def look(self) -> None:  # noqa: B027 - optional
+        """Check every servo as `open` does, and release the hardware again; nothing is written to the servos.
+
+        For whoever wants to know what `open` would refuse before anything else is prepared. It passes servos that do
+        not answer before something has been written to them.
+        """
+
     @abstractmethod
     def open(self) -> None:
         """Connect and check every servo; torque stays as it is. Raises if one is missing or differs from the file."""

@@ -105,6 +105,15 @@ class SerialPort:
             came += self.wait(left)
         return came == _NO_PACKET
 
+    def refuse_echo(self) -> None:
+        """Raise `DriverError` if the adapter returns what is sent, and close the port."""
+        if self.echoes():
+            self.close()
+            raise DriverError(
+                f"port {self.path}: the adapter echoes what is sent, and answers cannot be told from it: switch the "
+                "echo off (its receiver must be disabled while it sends), or use another adapter"
+            )
+
     def receive(self) -> bytes:
         """Bytes that have arrived, without waiting."""
         if self.lost is not None:

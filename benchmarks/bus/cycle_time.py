@@ -4,9 +4,10 @@ A cycle writes goals to all servos of OP3 and reads all of them, on an emulated 
 The driver's cycle has everything that a run needs: position, speed, current, voltage, temperature, hardware error,
 millisecond counter and torque switch of every servo, the IMU, and all checks of `docs/drivers.md`. The bare SDK and
 rustypot read position, speed and current, check nothing, and read no IMU; rustypot is also timed with the same bytes
-as the driver. All clients have the port open and take turns of a few cycles, of which the first is not counted: what
-else this machine does meets all of them alike. Processor time is that of the client's thread. Emulator and clients get
-a processor each, with realtime scheduling where the system grants it.
+as the driver, and so are the system calls alone that Python needs for them, with nothing decoded or checked. All
+clients have the port open and take turns of a few cycles, of which the first is not counted: what else this machine
+does meets all of them alike. Processor time is that of the client's thread. Emulator and clients get a processor each,
+with realtime scheduling where the system grants it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import fcntl
 import json
 import math
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -40,7 +42,9 @@ from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.dynamixel.bus import DynamixelBus
-from flexmotion.drivers.dynamixel.layout import layout_of
+from flexmotion.drivers.dynamixel.exchange import ReadMany, ReadOne
+from flexmotion.drivers.dynamixel.goals import sync_write
+from flexmotion.drivers.dynamixel.layout import Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.registers import table_of
 from flexmotion.drivers.interface import JointCommand, RobotState
@@ -53,6 +57,8 @@ WRITE_OVERHEAD, READ_REQUEST, FAST_ROW, STATUS = 14, 14, 4, 11
 BAUDS = (1_000_000, 2_000_000, 4_000_000)
 START_S, SETTLE_S, STOP_S = 90.0, 1.0, 20.0
 """Longest time for the emulator's start, time after it, longest time for its end [s]."""
+PATIENCE_S = 0.02
+"""Longest wait for a part of an answer [s]."""
 PAUSE_S = 0.002
 """Between two cycles [s]."""
 TURN = 5
@@ -188,6 +194,7 @@ def clients(robot: Robot, port: str) -> Iterator[list[Client]]:
         fcntl.flock(descriptor, fcntl.LOCK_UN)
         settings = termios.tcgetattr(descriptor)
         others = [*sdk_clients(robot, port, goals, stack), *rustypot_clients(robot, port, goals)]
+        others.append(bare_client(robot, port, goals, stack))
         termios.tcsetattr(descriptor, termios.TCSANOW, settings)
 
         def cycle() -> bool:
@@ -248,6 +255,31 @@ def rustypot_clients(robot: Robot, port: str, goals: list[int]) -> Iterator[Clie
         lambda: cycle(span.address, span.size, fast=True, imu=True),
         DynamixelBus.budget(robot, "main").cycle_s,
     )
+
+
+def bare_client(robot: Robot, port: str, goals: Sequence[int], stack: ExitStack) -> Client:
+    """The driver's bytes, made once: what is left of a cycle in Python if nothing is computed in it."""
+    ids, board = [joint.id for joint in robot.joints], board_of(robot, "main")
+    assert board is not None
+    span = layout_of(table_of(robot.servos[0].name), current_bound=False).read
+    rows = b"".join(bytes([id_]) + goal.to_bytes(4, "little") for id_, goal in zip(ids, goals, strict=True))
+    packet = sync_write(Span(GOAL, 4), rows)
+    exchanges = ReadMany(ids, span, fast=True, where="main"), ReadOne(board.id, board.span)
+    reads = [(exchange.begin(), exchange.sizes[1]) for exchange in exchanges]
+    line = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    stack.callback(os.close, line)
+
+    def cycle() -> bool:
+        os.write(line, packet)
+        for request, left in reads:
+            os.write(line, request)
+            while left > 0:
+                if not select.select((line,), (), (), PATIENCE_S)[0]:
+                    return False
+                left -= len(os.read(line, left))
+        return True
+
+    return Client("python, the driver's bytes", cycle, DynamixelBus.budget(robot, "main").cycle_s)
 
 
 def wire_s(servos: int, baud: int, *, fast: bool) -> float:

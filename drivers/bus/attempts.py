@@ -10,6 +10,12 @@ TRIES = 3
 PATIENCE_S = 0.3
 """Longest time that a busy host (USB adapter, other processes) delays a reply [s]."""
 
+DAMAGED = (
+    "every answer comes damaged: perhaps two servos have this id (connect one of them alone and give it its own with "
+    "`flexmotion servo set-id`), or the cable is bad"
+)
+"""Why a servo cannot be talked to that does answer."""
+
 
 def attempts(port: SerialPort, *, once: bool = False) -> Iterator[None]:
     """Yield once per attempt: at least `TRIES` times, as often as fits `PATIENCE_S`, until the port is lost."""

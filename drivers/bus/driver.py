@@ -116,19 +116,20 @@ class BusDriver(Driver):
         """Goals outside their envelope, replaced before they were sent; see `flexmotion.drivers.bus.goal_guard`."""
         return self._violations + sum(bus.guard.violations for bus in self.buses)
 
+    def look(self) -> None:
+        """See `Driver`. Raises as `open`."""
+        try:
+            self._connect()
+            for bus in self.buses:
+                bus.look()
+        finally:
+            self.let_go()
+
     def open(self) -> None:
         """Open every port, check and set up every servo; torque stays as it is. Raises `DriverError`."""
         self._switch = JointSwitch(self.robot.n)
         try:
-            for name, path in self._paths.items():
-                port = self.open_port(path, self.robot.config.buses[name].baud)
-                if port.echoes():
-                    port.close()
-                    raise DriverError(
-                        f"port {path}: the adapter echoes what is sent, and answers cannot be told from it: switch the "
-                        "echo off (its receiver must be disabled while it sends), or use another adapter"
-                    )
-                self.buses.append(self.Bus(self.robot, name, port, self._settings))
+            self._connect()
             self._imu = self._open_imu()
             for bus in self.buses:
                 bus.audit()
@@ -229,6 +230,13 @@ class BusDriver(Driver):
             bus.damp()
 
     # ---------------------------------------------------------------- inside
+
+    def _connect(self) -> None:
+        """Open every port. Raises `DriverError`."""
+        for name, path in self._paths.items():
+            port = self.open_port(path, self.robot.config.buses[name].baud)
+            port.refuse_echo()
+            self.buses.append(self.Bus(self.robot, name, port, self._settings))
 
     def _cycle(self, begin: float, deadline: float) -> None:
         clock = self.buses[0].port

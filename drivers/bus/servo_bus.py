@@ -84,8 +84,8 @@ class Measurement:
 class ServoBus(ABC):
     """One port with servos of one protocol.
 
-    `audit` and `switch_on` may block and raise. All other methods return within a tick and do not raise for errors on
-    the bus: servos that do not answer are not `fresh`.
+    `look`, `audit` and `switch_on` may block and raise. All other methods return within a tick and do not raise for
+    errors on the bus: servos that do not answer are not `fresh`.
 
     Class attributes:
         protocol: of its servos, as in the catalogue.
@@ -158,6 +158,14 @@ class ServoBus(ABC):
     def carries_imu(cls, robot: Robot, name: str) -> bool:
         """Whether the robot's IMU is on this bus."""
         return False
+
+    @abstractmethod
+    def look(self) -> None:
+        """Find every servo and check its settings against the robot file; nothing is written.
+
+        Raises as `audit`. Servos that do not answer before something has been written to them are passed: those whose
+        power a board has switched off, and Dynamixels that are set to answer nothing.
+        """
 
     @abstractmethod
     def audit(self) -> None:

@@ -9,7 +9,8 @@ from typing import ClassVar
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.configs.servo import Protocol, catalogue
+from flexmotion.configs.servo import Protocol, catalogue, not_driven
+from flexmotion.drivers.bus.attempts import DAMAGED
 from flexmotion.drivers.bus.inspection import Inspection
 from flexmotion.drivers.imu.interface import Imu
 from flexmotion.drivers.port import SerialPort
@@ -50,10 +51,13 @@ class BusTools(ABC):
     Class attributes:
         protocol: as in the catalogue.
         baud_rates: that its servos support.
+        new_id, new_baud: id and baud rate of a new servo.
     """
 
     protocol: ClassVar[Protocol]
     baud_rates: ClassVar[tuple[int, ...]]
+    new_id: ClassVar[int] = 1
+    new_baud: ClassVar[int]
 
     def __init__(self, port: SerialPort) -> None:
         self.port = port
@@ -65,9 +69,15 @@ class BusTools(ABC):
             yield from self.scan_here()
 
     def change_id(self, old: int, new: int) -> None:
-        """Change the id of a servo. Raises `DriverError` if `old` does not answer or `new` is in use."""
+        """Change the id of a servo.
+
+        Raises:
+            DriverError: `old` does not answer, two servos have it, or `new` is in use.
+        """
         if not self.answers(old):
             raise DriverError(f"port {self.port.path}: id {old} does not answer at {self.port.baud} baud")
+        if not self.is_alone(old):
+            raise DriverError(f"port {self.port.path}: id {old}: {DAMAGED}; nothing was written")
         if self.answers(new):
             raise DriverError(f"port {self.port.path}: id {new} is taken")
         self.write_id(old, new)
@@ -81,6 +91,13 @@ class BusTools(ABC):
     @abstractmethod
     def answers(self, id_: int) -> bool:
         """Whether a device has this id."""
+
+    @abstractmethod
+    def is_alone(self, id_: int) -> bool:
+        """Whether a servo's measurements come intact: those of two servos with one id differ, and collide in bits.
+
+        What all servos of a model answer alike, such as a ping, also two of them answer well.
+        """
 
     @abstractmethod
     def write_id(self, old: int, new: int) -> None:
@@ -132,6 +149,7 @@ class BusTools(ABC):
 
 
 def model_name(number: int) -> str:
-    """Name of a model number in the catalogue."""
+    """Name of a model number, of servos that are not driven too."""
     names = [servo.name for servo in catalogue().values() if servo.model_number == number]
+    names += [f"{name} (not supported)" for name, other in not_driven().items() if other.model_number == number]
     return " or ".join(names) if names else f"model {number}"

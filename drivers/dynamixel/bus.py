@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Iterator, Sequence
 
@@ -14,18 +15,20 @@ from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.servo_bus import WATCHDOG_TRIPS, Budget, ServoBus
-from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
-from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
+from flexmotion.drivers.dynamixel import setup
+from flexmotion.drivers.dynamixel.budget import cycle_budget
+from flexmotion.drivers.dynamixel.exchange import ReadMany
+from flexmotion.drivers.dynamixel.goals import GoalPacket
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
 from flexmotion.drivers.dynamixel.register_read import read_registers
+from flexmotion.drivers.dynamixel.register_write import write_registers
 from flexmotion.drivers.dynamixel.registers import VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, check_settings, find, prepare, restart
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
-from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
+from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -62,7 +65,8 @@ class DynamixelBus(ServoBus):
         m = len(self.joints)
         self._client = Client(port)
         self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
-        self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
+        self._tables = [table_of(servo.name) for servo in self.servos]
+        self._layouts = [layout_of(table, current_bound=self.config.current_bound) for table in self._tables]
         self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
@@ -79,7 +83,7 @@ class DynamixelBus(ServoBus):
             self.ids,
             self.measured,
             self.torque_per_unit,
-            np.array([table_of(servo.name).velocity_unit for servo in self.servos]),
+            np.array([table.velocity_unit for table in self._tables]),
             max(600.0 / robot.rate_hz, 2.0),
         )
         self._wrote_at = 0.0
@@ -91,7 +95,7 @@ class DynamixelBus(ServoBus):
     def check(cls, robot: Robot, name: str) -> None:
         """See `ServoBus`. The baud rate must be one that these servos support."""
         super().check(robot, name)
-        check_settings(robot, name)
+        setup.check_settings(robot, name)
 
     @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
@@ -108,29 +112,16 @@ class DynamixelBus(ServoBus):
     @classmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
         """See `ServoBus`. Servos that support fast sync reads are assumed to answer them."""
-        config = robot.config.buses[name]
-        delay = config.return_delay_us * 1e-6
-        tables: dict[tuple[Span, bool], list[int]] = {}
-        writes: dict[Span, int] = {}
-        for joint, servo in zip(robot.joints, robot.servos, strict=True):
-            if joint.bus == name:
-                table = table_of(servo.name)
-                layout = layout_of(table, current_bound=config.current_bound)
-                fast = table.fast_sync_read_firmware is not None
-                tables.setdefault((layout.read, fast), []).append(joint.id)
-                writes[layout.write] = writes.get(layout.write, 0) + 1
-        reads: list[Exchange] = [ReadMany(ids, span, fast=fast, where=name) for (span, fast), ids in tables.items()]
-        board = board_of(robot, name)
-        if board is not None:
-            reads.append(ReadOne(board.id, board.span))
-        byte_s = BITS_A_BYTE / config.baud
-        write_bytes = sum(len(sync_write(span, bytes((span.size + 1) * many))) for span, many in writes.items())
-        read_bytes = sum(sum(exchange.sizes) for exchange in reads)
-        delays = sum(exchange.delays for exchange in reads) * delay
-        asked_s = reads[0].sizes[0] * byte_s
-        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s, asked_s)
+        return cycle_budget(robot, name)
 
     # ---------------------------------------------------------------- before the first tick
+
+    def look(self) -> None:
+        """See `ServoBus`."""
+        board = self._board
+        if board is None or board.find(self._client) is not None or board.powered(self._client):
+            with contextlib.suppress(setup.UnreadableError):
+                self._find()
 
     def audit(self) -> None:
         """See `ServoBus`."""
@@ -145,12 +136,11 @@ class DynamixelBus(ServoBus):
                 self._board = None
         self.imu = self._board
         # First of all, so that reads and writes are answered; this write itself is not.
-        self._write_all("status_return_level", ANSWER_ALL)
-        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
-        refuse_unconfigured([each.inspection for each in found])
+        self._write_all("status_return_level", setup.ANSWER_ALL)
+        found = self._find()
         fast: dict[tuple[Span, bool], list[int]] = {}
         for slot, (joint, layout) in enumerate(zip(self.joints, self._layouts, strict=True)):
-            ready = prepare(self._client, self.robot, int(joint), layout, found[slot])
+            ready = setup.prepare(self._client, self.robot, int(joint), layout, found[slot])
             self.current_limit[slot], self.position_limits[:, slot] = ready.current_limit, ready.position_limits
             self.temperature_limit[slot] = found[slot].value("temperature_limit")
             self.voltage_limit[slot] = found[slot].value("min_voltage_limit") * VOLTAGE
@@ -162,6 +152,12 @@ class DynamixelBus(ServoBus):
         if not answered.all():
             silent = self.joint_name(int(np.argmin(answered)))
             raise DriverError(f"{silent} on {self.port.path}: does not answer sync reads")
+
+    def _find(self) -> list[setup.Found]:
+        """Every servo of the bus, as it was read. Raises as `audit`."""
+        found = [setup.find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
+        return found
 
     # ---------------------------------------------------------------- the cycle
 
@@ -262,7 +258,7 @@ class DynamixelBus(ServoBus):
 
     def restart(self, slot: int) -> Iterator[None]:
         """See `ServoBus`."""
-        return restart(self._client, self.robot, int(self.joints[slot]), self._layouts[slot])
+        return setup.restart(self._client, self.robot, int(self.joints[slot]), self._layouts[slot])
 
     def send_off(self) -> None:
         """See `ServoBus`."""
@@ -322,23 +318,15 @@ class DynamixelBus(ServoBus):
             np.copyto(self.pins, ticks, where=np.isfinite(standing))
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
-        """Set a register of all servos, or of those in `which`, to one value; one packet for each address it has."""
-        rows: dict[Span, bytearray] = {}
-        for slot, servo in enumerate(self.servos):
-            if which is None or which[slot]:
-                register = table_of(servo.name)[name]
-                row = rows.setdefault(Span(register.address, register.size), bytearray())
-                row += bytes([self.ids[slot]]) + register.pack(value)
-        for span, content in rows.items():
-            self.port.send(sync_write(span, bytes(content)))
+        """Set a register of all servos, or of those in `which`, to one value."""
+        write_registers(self.port, self.ids, self._tables, name, value, which)
         self._wrote_at = self.port.now()
 
     def _switch(self, which: Bool, *, on: bool) -> None:
         self._write_all("torque_enable", int(on), which)
 
     def _set_softness(self, share: float) -> None:
-        for slot, servo in enumerate(self.servos):
-            table = table_of(servo.name)
+        for slot, table in enumerate(self._tables):
             one = np.arange(len(self.ids)) == slot
             self._write_all("position_p_gain", round(share * self._gains[slot]), one)
             self._write_all("goal_pwm", round(share * table["pwm_limit"].initial), one)
@@ -355,5 +343,4 @@ class DynamixelBus(ServoBus):
         Args:
             slack: time beyond that on the wire that the answers may take [s].
         """
-        tables = [table_of(servo.name) for servo in self.servos]
-        return read_registers(self.cycle, self.port, self.ids, tables, names, slack)
+        return read_registers(self.cycle, self.port, self.ids, self._tables, names, slack)

@@ -13,7 +13,7 @@ from typing import Any
 from dynamixel_sdk import COMM_RX_CORRUPT, COMM_SUCCESS, PacketHandler, PortHandler
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.bus.attempts import PATIENCE_S, attempts
+from flexmotion.drivers.bus.attempts import DAMAGED, PATIENCE_S, attempts
 from flexmotion.drivers.dynamixel.packet import ALERT, Error
 from flexmotion.drivers.dynamixel.registers import Register
 from flexmotion.drivers.port import SerialPort
@@ -70,19 +70,25 @@ class Client:
     """Requests to single servos, with retries: finds, checks and configures them.
 
     Methods raise `DriverError`, which names id and port, if a servo does not answer or refuses.
+
+    Attributes:
+        damaged: whether something came in answer to the last request, but no intact answer.
     """
 
     def __init__(self, line: SerialPort) -> None:
-        self.line = line
+        self.line, self.damaged = line, False
         self._port, self._handler = SdkPort(line), PacketHandler(2.0)
 
     def ping(self, id_: int, *, once: bool = False) -> int | None:
         """Model number of a device; None if it does not answer (`once`: one attempt)."""
+        self.damaged = False
         for tried, _ in enumerate(attempts(self.line, once=once)):
             model, result, _ = self._handler.ping(self._port, id_)
             if result == COMM_SUCCESS:
+                self.damaged = False
                 self._drain(tried)
                 return int(model)
+            self.damaged |= result == COMM_RX_CORRUPT
         return None
 
     def find(self) -> dict[int, tuple[int, int]]:
@@ -128,14 +134,18 @@ class Client:
         self._try(id_, "reboot", attempt)
 
     def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]], *, once: bool = False) -> Any:
+        self.damaged = False
         for tried, _ in enumerate(attempts(self.line, once=once)):
             answer, result, error = attempt()
             # A servo reports a CRC error if it received a broken packet: try again.
             if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:
+                self.damaged = False
                 self._drain(tried)
                 break
+            self.damaged |= result == COMM_RX_CORRUPT
         else:
-            reason = self.line.lost or self._handler.getTxRxResult(result).removeprefix("[TxRxResult] ")
+            told = DAMAGED if self.damaged else self._handler.getTxRxResult(result).removeprefix("[TxRxResult] ")
+            reason = self.line.lost or told
             raise DriverError(f"port {self.line.path}: id {id_}: {what}: {reason}")
         if error & ~ALERT:
             code = error & ~ALERT

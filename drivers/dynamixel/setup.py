@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import DAMAGED
 from flexmotion.drivers.bus.inspection import Inspection, refuse_unconfigured
 from flexmotion.drivers.bus.packet import SumFormat
 from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.tools import model_name
 from flexmotion.drivers.dynamixel.layout import CURRENT_POSITION_MODE, Layout, bounds_current, layout_of
 from flexmotion.drivers.dynamixel.packet import Instruction, encode
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Table, table_of
@@ -30,6 +32,10 @@ ANSWER_ALL = 2
 BOOT_S, LONGEST_BOOT_S, BOOT_LOOK_S = 0.3, 2.0, 0.2
 """Time after a reboot in which a servo is not asked, time after which it counts as silent, and time between two looks
 [s] (assumptions: the e-Manual gives no time)."""
+
+
+class UnreadableError(DriverError):
+    """A servo answers pings, and reads only after `ANSWER_ALL` has been written."""
 
 
 @dataclass(frozen=True)
@@ -136,22 +142,28 @@ def run_settings(robot: Robot, joint: int) -> dict[str, int]:
 def find(client: Client, robot: Robot, joint: int, present_id: int | None = None) -> Found:
     """Read a joint's servo, which may have another id at present; nothing is written.
 
-    Raises `DriverError` if the servo does not answer, or has another model number or protocol.
+    Raises `DriverError` if the servo does not answer, or has another model number or protocol, `UnreadableError` if its
+    status return level is 0.
     """
     config, servo = robot.joints[joint], robot.servos[joint]
     table, id_ = table_of(servo.name), config.id if present_id is None else present_id
     where = f"servo of {config.name} (id {id_}) on {client.line.path}"
     model = client.ping(id_)
     if model is None:
+        if client.damaged:
+            raise DriverError(f"{where}: {DAMAGED}")
         reason = client.line.lost or f"does not answer at {client.line.baud} baud"
         if SumClient(client.line, PROTOCOL_1).ask(id_, PROTOCOL_1_PING, answer=0, once=True) is not None:
             raise DriverError(f"{where}: uses Protocol 1, or is a Feetech servo; {ANOTHER_PROTOCOL}")
         raise DriverError(f"{where}: {reason}; is its power on? `flexmotion servo scan` finds servos at any baud rate")
     if servo.model_number is not None and model != servo.model_number:
-        raise DriverError(f"{where}: model number {model}, expected {servo.model_number} of {servo.name}")
+        expected = f"{servo.name} (model number {servo.model_number})"
+        raise DriverError(f"{where}: is {model_name(model)} (model number {model}), the robot file has {expected}")
     memory = read_head(client, id_, table)
+    if memory is None and client.damaged:
+        raise DriverError(f"{where}: {DAMAGED}")
     if memory is None:
-        raise DriverError(
+        raise UnreadableError(
             f"{where}: answers a ping and no read: its status return level is 0; `flexmotion servo configure` changes "
             "it until the power is switched off"
         )

@@ -31,6 +31,7 @@ class DynamixelTools(BusTools):
 
     protocol = "dynamixel2"
     baud_rates = BAUD_RATES[:7]  # the SDK and most adapters do not support 4.5 M and more
+    new_baud = 57_600  # e-Manual: ID(7), Baud Rate(8)
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -45,6 +46,13 @@ class DynamixelTools(BusTools):
     def answers(self, id_: int) -> bool:
         """See `BusTools`."""
         return self._client.ping(id_) is not None
+
+    def is_alone(self, id_: int) -> bool:
+        """See `BusTools`. The registers from the counter of milliseconds to the temperature of an X servo."""
+        first, end = _ANY["realtime_tick"].address, _ANY["present_temperature"].end
+        with contextlib.suppress(DriverError):
+            self._client.read_block(id_, first, end - first)
+        return not self._client.damaged
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`. Raises `DriverError` while torque is on."""

@@ -11,6 +11,7 @@ from flexmotion.configs.schema import parse
 from flexmotion.drivers.dynamixel.opencr import OpenCr as BoardDriver
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
 from flexmotion.drivers.dynamixel.setup import kept_settings as dynamixel_settings
+from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
@@ -27,7 +28,9 @@ from flexmotion.drivers.emulator.wire import Wire
 from flexmotion.drivers.emulator.witmotion import WitMotionLine
 from flexmotion.drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
 from flexmotion.drivers.feetech.setup import kept_settings as feetech_settings
+from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.imu.witmotion.sensor import WitMotion, WitOptions
+from flexmotion.drivers.lx16a.tools import Lx16aTools
 
 IMU_PORT = "imu"
 """Name of an IMU's port."""
@@ -42,6 +45,7 @@ def build_emulator(
     bad_packets: float = 0.0,
     false_readings: float = 0.0,
     factory: bool = False,
+    new: Sequence[str] = (),
     seed: int = 0,
 ) -> Emulator:
     """Build one pseudo-terminal for every bus of the body's robot, and one for its IMU if that has a port of its own.
@@ -52,10 +56,14 @@ def build_emulator(
         faults, bad_packets, seed: see `flexmotion.drivers.emulator.faults`.
         factory: whether servos have their factory settings, except for id, baud rate and return delay; otherwise those
             that `flexmotion servo configure` writes.
+        new: joints whose servos are as they come from the shop, with the id and the baud rate of a new one.
         false_readings: share of readings that are false at random, see `flexmotion.drivers.emulator.false_readings`.
 
-    Raises `ConfigError` if a bus mixes protocols, a link exists, or a fault names an unknown servo.
+    Raises `ConfigError` if a bus mixes protocols, a link exists, a fault names an unknown servo, or `new` an unknown
+    joint.
     """
+    for joint in new:
+        body.robot.index(joint)
     buses = body.robot.config.buses
     ports: dict[str, Terminal] = {}
     try:
@@ -70,6 +78,7 @@ def build_emulator(
             bad_packets=bad_packets,
             false_readings=false_readings,
             factory=factory,
+            new=new,
             seed=seed,
         )
     except BaseException:
@@ -87,6 +96,7 @@ def assemble(
     bad_packets: float = 0.0,
     false_readings: float = 0.0,
     factory: bool = False,
+    new: Sequence[str] = (),
     seed: int = 0,
 ) -> Emulator:
     """Build the same on existing ports, by the names of `port_names`."""
@@ -96,7 +106,7 @@ def assemble(
     for number, (name, port) in enumerate(ports.items()):
         wire, damage = Wire(timed=timed), Damage(bad_packets, seed + number)
         if name in body.robot.config.buses:
-            lines.append(BusLine(name, make_bus(joints, name, factory=factory), port, wire, damage))
+            lines.append(BusLine(name, make_bus(joints, name, factory=factory, new=new), port, wire, damage))
         else:
             lines.append(_imu_line(body, name, port, wire, damage, false))
     return Emulator(body, lines, faults, false)
@@ -112,10 +122,12 @@ def port_names(robot: Robot) -> list[str]:
     return names
 
 
-def make_bus(joints: Joints, name: str, *, factory: bool = False) -> EmulatedBus:
+def make_bus(joints: Joints, name: str, *, factory: bool = False, new: Sequence[str] = ()) -> EmulatedBus:
     """The devices of one bus, set up as in the robot file. Raises `ConfigError` if it mixes protocols.
 
-    `factory`: only id, baud rate and return delay are as in the robot file.
+    Args:
+        factory: only id, baud rate and return delay are as in the robot file.
+        new: joints whose servos have the id and the baud rate of a new one too.
     """
     robot = joints.body.robot
     protocols = {servo.protocol for joint, servo in zip(robot.joints, robot.servos, strict=True) if joint.bus == name}
@@ -132,24 +144,37 @@ def make_bus(joints: Joints, name: str, *, factory: bool = False) -> EmulatedBus
         for sts in bus.servos:
             sts.put("baud_rate", _code(robot.config.buses[name].baud, STS_BAUD_RATES))
             sts.put("return_delay", round(robot.config.buses[name].return_delay_us / RETURN_DELAY_US))
-            if not factory:
+            is_new = robot.joint_names[sts.index] in new
+            if not (factory or is_new):
                 for setting, value in feetech_settings(robot, sts.index).items():
                     sts.put(setting, value)
+            if is_new:
+                sts.put("id", FeetechTools.new_id)
+                sts.put("baud_rate", _code(FeetechTools.new_baud, STS_BAUD_RATES))
         return bus
     if protocol == "lx16a":
-        return EmulatedLx16aBus(joints, [Lx16aServo(joints, *servo) for servo in servos])
-    return EmulatedDynamixelBus(joints, _dynamixels(joints, robot, name, factory=factory))
+        return EmulatedLx16aBus(
+            joints,
+            [
+                Lx16aServo(joints, index, Lx16aTools.new_id if robot.joint_names[index] in new else id_, servo)
+                for index, id_, servo in servos
+            ],
+        )
+    return EmulatedDynamixelBus(joints, _dynamixels(joints, robot, name, factory=factory, new=new))
 
 
-def _dynamixels(joints: Joints, robot: Robot, name: str, *, factory: bool) -> list[Device]:
+def _dynamixels(joints: Joints, robot: Robot, name: str, *, factory: bool, new: Sequence[str]) -> list[Device]:
     bus, devices = robot.config.buses[name], []
     for index, (joint, servo) in enumerate(zip(robot.joints, robot.servos, strict=True)):
         if joint.bus == name:
-            device = XServo(joints, index, joint.id, servo)
-            if not factory:
+            is_new = joint.name in new
+            device = XServo(joints, index, DynamixelTools.new_id if is_new else joint.id, servo)
+            if not (factory or is_new):
                 for setting, value in dynamixel_settings(robot, index).items():
                     device.put(setting, value)
-            devices.append(_set_up(device, bus.baud, bus.return_delay_us))
+            if is_new:
+                device.put("baud_rate", _code(DynamixelTools.new_baud, BAUD_RATES))
+            devices.append(device if is_new else _set_up(device, bus.baud, bus.return_delay_us))
     imu = robot.config.imu
     if imu is not None and imu.driver == BoardDriver.name and imu.bus == name and imu.id is not None:
         board = OpenCr(joints.body, imu.id, imu.quaternion, false_readings=joints.false_readings)

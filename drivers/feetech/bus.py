@@ -16,7 +16,7 @@ from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.bus.sum_client import LATENCY_S, SumClient
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
-from flexmotion.drivers.feetech.setup import find, prepare
+from flexmotion.drivers.feetech.setup import Found, find, prepare
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
@@ -72,15 +72,34 @@ class FeetechBus(ServoBus):
         read_s, asked_s = read * byte_s + m * config.return_delay_us * 1e-6, (FORMAT.overhead + 2 + m) * byte_s
         return Budget(read, write, read_s, write * byte_s, asked_s)
 
+    def look(self) -> None:
+        """See `ServoBus`."""
+        self._find()
+
     def audit(self) -> None:
         """See `ServoBus`."""
-        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
-        refuse_unconfigured([each.inspection for each in found])
+        found = self._find()
         for slot, joint in enumerate(self.joints):
             prepare(self._client, self.robot, int(joint), found[slot])
             held = found[slot].held
+            self.temperature_limit[slot] = held["temperature_limit"]
             self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
+        # No position is made up for a servo that does not answer the first read of a run.
+        answered = np.zeros(len(self.ids), np.bool_)
+        for _ in attempts(self.port):
+            self._run_cycle()
+            answered |= self.measured.fresh
+            if answered.all():
+                return
+        silent = self.joint_name(int(np.argmin(answered)))
+        raise DriverError(f"{silent} on {self.port.path}: {self.port.lost or 'does not answer sync reads'}")
+
+    def _find(self) -> list[Found]:
+        """Every servo of the bus, as it was read. Raises as `audit`."""
+        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
+        return found
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""
@@ -118,28 +137,30 @@ class FeetechBus(ServoBus):
 
     def switch_on(self) -> None:
         """See `ServoBus`."""
-        wrong = "does not answer"
         self._limp.fill(False)
+        blamed: int | None = None
+        wrong = ""
         for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():
+                blamed, wrong = int(np.argmin(self.measured.fresh)), "does not answer"
                 continue
             # A servo outside its own limits is pinned to the nearest limit.
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
             self._send(pins, standing=self.measured.ticks)
-            # A silent servo has been asked several times already: `all` stops at the first.
-            if all(self._read(slot, "goal_position") == goal for slot, goal in enumerate(goals)):
+            blamed, wrong = self._first_without("goal_position", goals), "does not take its goal position"
+            if blamed is None:
                 self._on = True
                 self._write_all("torque_limit", 1000)
                 self._write_all("torque_enable", 1)
-                if all(self._read(slot, "torque_enable") == 1 for slot in range(len(goals))):
-                    self.measured.torque[:] = True
-                    return
-            wrong = "does not take its goal position"
+                blamed, wrong = self._first_without("torque_enable", [1] * len(goals)), "does not switch its torque on"
+            if blamed is None:
+                self.measured.torque[:] = True
+                return
         self._on = False
-        slot = int(np.argmin(self.measured.fresh))
-        raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {wrong}: torque stays off")
+        assert blamed is not None  # there is at least one attempt
+        raise DriverError(f"{self.joint_name(blamed)} on {self.port.path}: {wrong}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
@@ -206,6 +227,7 @@ class FeetechBus(ServoBus):
         self.request(self.port.now())
         while not self.receive(now := self.port.now()):
             self.port.wait_any([self.port], self._patience - now)
+        self.finish()
 
     def _read_all(self, name: str, ids: list[int], until: float) -> dict[int, int]:
         """Read a register of several servos in one exchange, blocking until `until` at most; answers by id."""
@@ -219,6 +241,10 @@ class FeetechBus(ServoBus):
                 if packet.id in ids and len(packet.params) == register.size:
                     found[packet.id] = register.unpack(packet.params)
         return found
+
+    def _first_without(self, name: str, values: list[int]) -> int | None:
+        """The first servo that does not hold its value in a register; a silent one is asked several times."""
+        return next((slot for slot, value in enumerate(values) if self._read(slot, name) != value), None)
 
     def _read(self, slot: int, name: str) -> int | None:
         register = sts()[name]

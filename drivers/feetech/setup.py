@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import DAMAGED
 from flexmotion.drivers.bus.inspection import Inspection
 from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.tools import model_name
 from flexmotion.drivers.feetech.registers import RETURN_DELAY_US, Instruction, sts
 
 _HEAD = 56
@@ -41,6 +43,8 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         "max_position_limit": servo.max_tick,
         "return_delay": round(robot.config.buses[config.bus].return_delay_us / RETURN_DELAY_US),
         "p_gain": config.p_gain or servo.gain_register,
+        "d_gain": sts()["d_gain"].initial,
+        "i_gain": 0,
     }
 
 
@@ -58,11 +62,13 @@ def find(client: SumClient, robot: Robot, joint: int, present_id: int | None = N
     where = f"servo of {config.name} (id {id_}) on {client.port.path}"
     answer = client.ask(id_, Instruction.READ, bytes([0, _HEAD]), answer=_HEAD)
     if answer is None:
-        reason = client.port.lost or f"does not answer at {client.port.baud} baud; is its power on?"
+        silent = f"does not answer at {client.port.baud} baud; is its power on? `flexmotion servo scan` finds servos"
+        reason = client.port.lost or (DAMAGED if client.damaged else f"{silent} at any baud rate")
         raise DriverError(f"{where}: {reason}")
     held = {name: r.unpack(answer.params[r.address : r.end]) for name, r in sts().registers.items() if r.end <= _HEAD}
     if servo.model_number is not None and held["model_number"] != servo.model_number:
-        raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
+        found, expected = held["model_number"], f"{servo.name} (model number {servo.model_number})"
+        raise DriverError(f"{where}: is {model_name(found)} (model number {found}), the robot file has {expected}")
     wanted = kept_settings(robot, joint) | {"phase": held["phase"] & ~SEVERAL_TURNS}
     kept = {name: held[name] for name in wanted}
     inspection = Inspection(config.name, id_, servo.name, client.port.path, kept, wanted, bool(held["torque_enable"]))

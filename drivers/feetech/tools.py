@@ -20,6 +20,7 @@ class FeetechTools(BusTools):
 
     protocol = "feetech"
     baud_rates = BAUD_RATES
+    new_baud = 1_000_000  # memory table of the STS series
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -77,9 +78,17 @@ class FeetechTools(BusTools):
         self.port.set_baud(baud)
         write(self._client, robot, joint, "lock", 1)
 
+    def is_alone(self, id_: int) -> bool:
+        """See `BusTools`. All registers."""
+        size = max(register.end for register in sts().registers.values())
+        self._client.ask(id_, Instruction.READ, bytes([0, size]), answer=size)
+        return not self._client.damaged
+
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""
         lock, address = sts()["lock"].address, sts()["id"].address
         self._client.ask(old, Instruction.WRITE, bytes([lock, 0]), answer=0)
         self._client.ask(old, Instruction.WRITE, bytes([address, new]), answer=0, once=True)
-        self._client.ask(new, Instruction.WRITE, bytes([lock, 1]), answer=0)
+        for id_ in (new, old):  # the servo has one of them
+            if self._client.ask(id_, Instruction.WRITE, bytes([lock, 1]), answer=0) is not None:
+                break

@@ -86,7 +86,7 @@ def identify(robot: Robot, joint: int, record: RobotRecord, date: str) -> Identi
                 value=max(value, 0.0), uncertainty=uncertainty, date=date, motion=record.motion
             )
         else:
-            refused[figure] = f"{reason}: {MOTION_FOR[figure]}"
+            refused[figure] = reason
     if EFFORT not in estimate.names:
         refused["torque_constant"] = "the servo measures no current"
         refused["damping"] = "cannot be told from back-EMF, which includes it: the servo measures no current"
@@ -138,7 +138,8 @@ def _undetermined(figure: Figure, value: float, uncertainty: float, servo: Servo
         "frictionloss": max(_FRICTION_SHARE * value, _FRICTION_FLOOR * servo.stall_torque),
     }.get(figure, _SHARE * value)
     if uncertainty > allowed:
-        return f"not determined by this motion ({value:.3g} ± {uncertainty:.2g} {UNITS[figure]})"
+        found = f"{value:.3g} ± {uncertainty:.2g} {UNITS[figure]}"
+        return f"not determined by this motion ({found}): {MOTION_FOR[figure]}"
     if value < -uncertainty:
         return f"impossible ({value:.3g} ± {uncertainty:.2g} {UNITS[figure]}): the plant does not describe this joint"
     return None

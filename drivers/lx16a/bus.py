@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import DAMAGED
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
@@ -74,11 +75,15 @@ class Lx16aBus(ServoBus):
         m = sum(joint.bus == name for joint in robot.joints)
         return 2 * math.ceil(m / _positions_a_cycle(m, robot.rate_hz))
 
+    def look(self) -> None:
+        """See `ServoBus`."""
+        self.audit()  # it writes nothing
+
     def audit(self) -> None:
         """See `ServoBus`. There is no model number to check."""
         for slot in range(len(self.ids)):
             if self._ask(slot, Command.READ_POSITION) is None:
-                reason = self.port.lost or "does not answer; is its power on?"
+                reason = self.port.lost or (DAMAGED if self._client.damaged else "does not answer; is its power on?")
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {reason}")
             limits = self._ask(slot, Command.READ_LIMITS)
             if limits is None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import DAMAGED, TRIES
 from flexmotion.drivers.bus.inspection import Inspection
 from flexmotion.drivers.bus.packet import MAX_ID
 from flexmotion.drivers.bus.sum_client import SumClient
@@ -20,6 +21,7 @@ class Lx16aTools(BusTools):
 
     protocol = "lx16a"
     baud_rates = (BAUD,)
+    new_baud = BAUD
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -41,7 +43,7 @@ class Lx16aTools(BusTools):
         id_ = config.id if present_id is None else present_id
         load = self._client.ask(id_, Command.READ_LOAD, answer=ANSWER_SIZE[Command.READ_LOAD])
         if load is None:
-            reason = self.port.lost or "does not answer; is its power on?"
+            reason = self.port.lost or (DAMAGED if self._client.damaged else "does not answer; is its power on?")
             raise DriverError(f"servo of {config.name} (id {id_}) on {self.port.path}: {reason}")
         on = load.params[0] == 1
         return Inspection(config.name, id_, config.servo, self.port.path, {}, {}, on)
@@ -64,11 +66,25 @@ class Lx16aTools(BusTools):
         return Reading(position, math.nan, math.nan, voltage * MILLIVOLT, temperature, 0, load == 1)
 
     def torque_off(self, robot: Robot, joint: int) -> None:
-        """See `BusTools`."""
-        self.port.send(FORMAT.encode(robot.joints[joint].id, Command.LOAD, b"\x00"))
+        """See `BusTools`. Not acknowledged: it is asked whether torque is off."""
+        config, size = robot.joints[joint], ANSWER_SIZE[Command.READ_LOAD]
+        for _ in range(TRIES):
+            self.port.send(FORMAT.encode(config.id, Command.LOAD, b"\x00"))
+            held = self._client.ask(config.id, Command.READ_LOAD, answer=size)
+            if held is not None and held.params[0] == 0:
+                return
+        raise DriverError(f"servo of {config.name} (id {config.id}) on {self.port.path}: torque does not go off")
 
     def write_baud(self, robot: Robot, joint: int, baud: int) -> None:
         """See `BusTools`. The rate is fixed."""
+
+    def is_alone(self, id_: int) -> bool:
+        """See `BusTools`. Angle, supply and temperature."""
+        for command in (Command.READ_POSITION, Command.READ_VOLTAGE, Command.READ_TEMPERATURE):
+            self._client.ask(id_, command, answer=ANSWER_SIZE[command])
+            if self._client.damaged:
+                return False
+        return True
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""

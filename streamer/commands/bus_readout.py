@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexmotion.configs.errors import DriverError
+from flexmotion.configs.errors import ConfigError, DriverError
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
     from flexmotion.drivers.bench import Bench
 
 PortOption = Annotated[str, typer.Option("--port", "-p", help="Port of the servo bus.")]
+PORTS_HELP = "Port of the servo bus; of several: BUS=PORT,BUS=PORT."
+PortsOption = Annotated[str, typer.Option("--port", "-p", metavar="PORT", help=PORTS_HELP)]
 
 _TRIES, _STILL_READS, _STILL_RAD, _PAUSE_S = 5, 6, 0.01, 0.02
 """Reads within which a joint answers; reads of a joint at rest, how far they may be apart [rad], their pause [s]."""
@@ -25,6 +27,7 @@ def open_bench(
     """The robot's servos on a port, for a `with` statement; torque stays as it is, before and after.
 
     Args:
+        port: as `flexmotion.drivers.bus.options.ports_in` takes it.
         imu: read the IMU too, on a port of its own if `imu_port` says so.
         power: let the robot's board switch the power of the servos on.
 
@@ -32,9 +35,20 @@ def open_bench(
         DriverError: the port fails.
     """
     from flexmotion.drivers.bench import Bench
-    from flexmotion.drivers.bus.options import BusOptions
+    from flexmotion.drivers.bus.options import BusOptions, ports_in
 
-    return Bench(robot, BusOptions(port=port, imu=imu, imu_port=imu_port), imu=imu, power=power)
+    return Bench(robot, BusOptions(imu=imu, imu_port=imu_port, **ports_in(port)), imu=imu, power=power)
+
+
+def refuse_shipped(robot: Robot) -> None:
+    """What is measured is of one robot: the shipped file is that of all of its kind. Raises `ConfigError`."""
+    from flexmotion.configs.robot import is_shipped
+
+    if is_shipped(robot):
+        raise ConfigError(
+            f"--robot {robot.name}: a shipped robot, whose folder is the program's; copy {robot.folder} to one of "
+            "your own and give that folder"
+        )
 
 
 def angle_at_rest(bench: Bench, index: int) -> float | None:

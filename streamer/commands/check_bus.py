@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from flexmotion.streamer.commands.bus_readout import open_bench
+from flexmotion.configs.errors import FlexMotionError
+from flexmotion.streamer.commands.bus_readout import PORTS_HELP, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -22,7 +24,10 @@ _MOST_READS = 5
 def bus(
     robot: RobotOption = "op3",
     port: Annotated[
-        str | None, typer.Option("--port", "-p", help="Audit the servos on this port too.", show_default=False)
+        str | None,
+        typer.Option(
+            "--port", "-p", metavar="PORT", help=f"Audit the servos on it too. {PORTS_HELP}", show_default=False
+        ),
     ] = None,
     rate: Annotated[
         float | None, typer.Option("--rate", min=1, help="Loop rate \\[Hz]; the robot file's if not given.")
@@ -31,8 +36,9 @@ def bus(
 ) -> None:
     """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays give the highest rate.
 
-    With a port it also audits every servo as before a run; nothing is written. Exit code 1 where the rate does not fit,
-    2 where a servo is not configured as the robot file says, 3 where the port fails or a servo is missing.
+    With a port it also audits every servo as before a run; nothing is written. What it has read is printed also where
+    the audit fails. Exit code 1 where the rate does not fit, 2 where a servo is not configured as the robot file says,
+    3 where the port fails or a servo is missing.
 
     [bold]Examples[/bold]
 
@@ -47,7 +53,8 @@ def bus(
     chosen = load_robot(robot)
     wanted = chosen.rate_hz if rate is None else rate
     checks = check_buses(chosen, wanted)
-    audit = [] if port is None else _audit(chosen, port)
+    audit = Audit([], None) if port is None else _audit(chosen, port)
+    fit = all(check.fits for check in checks)
     if as_json:
         buses = [
             {
@@ -64,7 +71,10 @@ def bus(
             for check in checks
         ]
         content: dict[str, Any] = {"schema": "flexmotion.bus/1", "robot": chosen.name, "rate_hz": wanted}
-        print_json(content | {"ok": all(check.fits for check in checks), "buses": buses, "servos": audit})
+        failure = None if audit.failure is None else str(audit.failure)
+        print_json(
+            content | {"ok": fit and failure is None, "buses": buses, "servos": audit.servos, "failure": failure}
+        )
     else:
         table = Table(box=None, pad_edge=False, header_style="dim")
         for column in ("bus", "baud", "servos", "read", "write", "highest rate", f"{wanted:g} Hz"):
@@ -81,36 +91,55 @@ def bus(
                 "fits" if check.fits else "does not fit",
             )
         print_result(table)
-        if audit:
-            print_result(_servo_table(audit))
-    if not all(check.fits for check in checks):
+        if audit.servos:
+            print_result(_servo_table(audit.servos))
+    if audit.failure is not None:
+        raise audit.failure
+    if not fit:
         raise typer.Exit(CHECK_FAILED)
 
 
-def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
-    """Every servo as it is now; None for what was not read.
+@dataclass(frozen=True)
+class Audit:
+    """What an audit of the servos has found.
 
-    Raises `DriverError` where one is missing or another model, `NotConfiguredError` where a setting differs.
+    Attributes:
+        servos: every servo as it is now; None for what was not read. Empty if the port failed.
+        failure: the first thing that is wrong: the port, a servo that is missing or another model, a setting.
     """
+
+    servos: list[dict[str, Any]]
+    failure: FlexMotionError | None
+
+
+def _audit(robot: Robot, port: str) -> Audit:
+    """Look at every servo. What is wrong is told after what was read."""
     import numpy as np
 
     from flexmotion.drivers.bus.inspection import refuse_unconfigured
     from flexmotion.drivers.interface import RobotState
 
     state = RobotState(robot.n)
-    with open_bench(robot, port) as bench:
-        refuse_unconfigured(bench.inspect())
-        read = np.zeros(robot.n, bool)
-        for _ in range(_MOST_READS):
-            bench.read(state)
-            read |= state.stale == 0
-            if read.all() and np.isfinite(state.voltage).all() and np.isfinite(state.temperature).all():
-                break
+    failure: FlexMotionError | None = None
+    read = np.zeros(robot.n, bool)
+    try:
+        with open_bench(robot, port) as bench:
+            try:
+                refuse_unconfigured(bench.inspect())
+            except FlexMotionError as error:
+                failure = error
+            for _ in range(_MOST_READS):
+                bench.read(state)
+                read |= state.stale == 0
+                if read.all() and np.isfinite(state.voltage).all() and np.isfinite(state.temperature).all():
+                    break
+    except FlexMotionError as error:
+        return Audit([], error)
 
     def number(index: int, value: float, digits: int) -> float | None:
         return round(float(value), digits) if read[index] and np.isfinite(value) else None
 
-    return [
+    servos = [
         {
             "joint": joint.name,
             "id": joint.id,
@@ -122,6 +151,7 @@ def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
         }
         for index, joint in enumerate(robot.joints)
     ]
+    return Audit(servos, failure)
 
 
 def _servo_table(audit: list[dict[str, Any]]) -> Table:

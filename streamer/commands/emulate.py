@@ -49,6 +49,10 @@ def emulate(
     factory: Annotated[
         bool, typer.Option("--factory", help="Servos with factory settings, except id, bit rate and return delay.")
     ] = False,
+    new: Annotated[
+        list[str] | None,
+        typer.Option("--new", metavar="JOINT", help="Its servo has factory settings, id and bit rate (repeatable)."),
+    ] = None,
     perturb: Annotated[
         list[str] | None,
         typer.Option("--perturb", metavar="KEY=VALUE", help="How the robot differs from its model (repeatable)."),
@@ -101,6 +105,7 @@ def emulate(
         bad_packets=bad_packets,
         false_readings=false_readings,
         factory=factory,
+        new=new or (),
         seed=seed,
     )
     with emulator, _ended_by_signals(emulator):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flexmotion.streamer.commands.bus_readout import PORTS_HELP
 from flexmotion.streamer.commands.option_groups import FollowedOptions, RunOptions, grouped
 from flexmotion.streamer.commands.options import Clock
+
+if TYPE_CHECKING:
+    from flexmotion.drivers.interface import Driver
 
 
 @grouped
@@ -15,7 +19,9 @@ def run(
     *,
     robot: Annotated[str, typer.Option("--robot", "-r", help="A shipped robot's name or a robot folder.")],
     driver: Annotated[str, typer.Option("--driver", "-d", help="Driver to use (see `flexmotion drivers`).")],
-    port: Annotated[str | None, typer.Option("--port", "-p", help="Port of the servo bus.", show_default=False)] = None,
+    port: Annotated[
+        str | None, typer.Option("--port", "-p", metavar="PORT", help=PORTS_HELP, show_default=False)
+    ] = None,
     motion: FollowedOptions,
     clock: Annotated[
         Clock, typer.Option(help="real: on the wall clock; lockstep: for drivers that simulate in this process.")
@@ -62,6 +68,7 @@ def run(
     with run.outputs():
         with operator_signals() as signals:
             from flexmotion.configs.stream import load_stream
+            from flexmotion.drivers.bus.options import ports_in
             from flexmotion.streamer.api import open_driver, open_robot
             from flexmotion.streamer.commands.driver_options import parse_options
             from flexmotion.streamer.commands.streaming import present, stream
@@ -69,14 +76,17 @@ def run(
             settings = load_stream(run.settings)
             stay = clock == "real" and not once and run.seconds is None
             chosen = open_robot(robot)
-            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             options = parse_options(option or ())
             if port is not None:
-                options["port"] = port
+                options |= ports_in(port)
             if driver == "sim":
                 options["seed"] = motion.seed
+            hardware = open_driver(driver, chosen, **options)
+            # Before the motion, which takes long to load and to plan.
+            _look(hardware, wait=wait)
+            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             session = run.session(
-                open_driver(driver, chosen, **options),
+                hardware,
                 source,
                 settings,
                 clock=clock,
@@ -89,3 +99,32 @@ def run(
             session.waits = wait
             outcome = stream(session, signals)
         present(outcome, run.report, run.as_json, signals)
+
+
+def _look(driver: Driver, *, wait: bool) -> None:
+    """Check the robot before anything is prepared for it; nothing is written to it, and torque stays as it is.
+
+    Args:
+        wait: the robot need not be there yet.
+
+    Raises:
+        ConfigError: a servo is not configured.
+        DriverError: a port or a servo does not answer.
+    """
+    from flexmotion.configs.errors import DriverError
+    from flexmotion.drivers.bus.driver import BusDriver
+    from flexmotion.streamer.checks.bus_check import check_buses
+    from flexmotion.streamer.commands.output import print_note
+
+    try:
+        driver.look()
+    except DriverError:
+        if not wait:
+            raise
+    if isinstance(driver, BusDriver) and driver.turns == 1:  # servos that are read in turns keep up with any rate
+        for bus in check_buses(driver.robot, driver.robot.rate_hz):
+            if not bus.fits:
+                print_note(
+                    f"note: bus {bus.name}: {driver.robot.rate_hz:g} Hz does not fit, the highest rate is "
+                    f"{bus.highest_hz:.0f} Hz: readings will be missed (`flexmotion check bus`)"
+                )

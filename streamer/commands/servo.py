@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 from rich.live import Live
 from rich.table import Table
 
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
-from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, INTERRUPTED
+from flexmotion.streamer.commands.bus_readout import PortOption, PortsOption, open_bench
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
@@ -60,14 +61,18 @@ def scan(
       flexmotion servo scan --port /dev/ttyUSB0 --protocol feetech --baud 1000000
     """
     kind = _tools(protocol)
+    found: list[Found] = []
     with _open(kind, port, (baud or kind.baud_rates)[0]) as tools:
-        found = list(tools.scan(tuple(baud or kind.baud_rates)))
+        for rate in baud or kind.baud_rates:
+            print_note(f"{rate} baud …")
+            found += tools.scan((rate,))
     if as_json:
         print_json([vars(each) for each in found])
     elif found:
         print_result(_found(found))
     else:
-        print_note("no servo answers: is their power on? are port and protocol right?")
+        others = ", ".join(other for other in get_args(ProtocolName) if other != protocol)
+        print_note(f"no servo of {protocol} answers: is their power on? is the port right? other --protocol: {others}")
         if other := [rate for rate in baud or () if rate not in kind.baud_rates]:
             rates, those = ", ".join(map(str, kind.baud_rates)), ", ".join(map(str, other))
             print_note(f"--baud {those}: no rate of servos of {protocol}, theirs are {rates}")
@@ -123,7 +128,7 @@ def reboot(
 
 @servo.command()
 def watch(
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.1, help="End after this time.", show_default=False)
@@ -131,6 +136,8 @@ def watch(
     as_json: JsonOption = False,
 ) -> None:
     """Show every servo's angle, torque, supply and temperature, live; nothing is written to them.
+
+    Exit code 3 where a servo is missing or another model; the others are shown.
 
     With --json it prints the last values at its end, one object a joint: after --seconds, or with Ctrl-C.
 
@@ -143,10 +150,16 @@ def watch(
 
     chosen = load_robot(robot)
     state = RobotState(chosen.n)
+    state.values.fill(float("nan"))  # what is never read is not shown as 0
     now, interrupted = time.monotonic(), False
     end, shown = now + (float("inf") if seconds is None else seconds), now
     with open_bench(chosen, port, imu=False) as bench, Live(auto_refresh=False, transient=as_json) as live:
-        for each in bench.inspect():
+        found, missing = bench.inspect_what_answers()
+        if not found:
+            raise missing[0]
+        for error in missing:
+            print_note(str(error))
+        for each in found:
             if each.changes:
                 names = ", ".join(f"{name} {each.held[name]} (wanted {value})" for name, value in each.changes.items())
                 wrong = ", the angle shown may be wrong" if set(each.changes) - _LIMITS else ""
@@ -167,6 +180,8 @@ def watch(
         print_json(_rows(chosen, state))
     if interrupted:
         raise typer.Exit(INTERRUPTED)
+    if missing:
+        raise typer.Exit(HARDWARE_FAILED)
 
 
 @contextmanager
@@ -175,6 +190,7 @@ def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
 
     line = SerialPort(port, baud)
     try:
+        line.refuse_echo()
         yield kind(line)
     finally:
         line.close()
@@ -199,7 +215,7 @@ def _rows(robot: Robot, state: RobotState) -> list[dict[str, Any]]:
             "torque_nm": number(state.effort[index]),
             "voltage": number(state.voltage[index]),
             "temperature": number(state.temperature[index]),
-            "hardware_error": int(state.hardware_error[index]),
+            "hardware_error": None if math.isnan(state.position[index]) else int(state.hardware_error[index]),
             "missed_reads": int(state.stale[index]),
         }
         for index, joint in enumerate(robot.joints)

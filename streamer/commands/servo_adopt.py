@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
+from flexmotion.streamer.commands.bus_readout import PortsOption, open_bench
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.servo_settings import YesOption
@@ -18,13 +18,10 @@ if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
     from flexmotion.drivers.bus.tools import BusTools
 
-_FACTORY = {"dynamixel2": (1, 57_600), "feetech": (1, 1_000_000), "lx16a": (1, 115_200)}
-"""Id and baud rate of a new servo (e-Manual: ID(7), Baud Rate(8); Feetech, LewanSoul: memory tables)."""
-
 
 def adopt(
     joint: Annotated[str, typer.Option("--joint", "-j", help="Joint that the servo drives.")],
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     present_id: Annotated[
         int | None, typer.Option("--id", min=0, max=252, help="Its present id; that of a new servo if not given.")
@@ -41,6 +38,8 @@ def adopt(
 ) -> None:
     """Give a factory-new servo the id, bit rate and settings of a joint; the other servos may stay connected.
 
+    Connect one new servo at a time. `flexmotion emulate --new l_knee` emulates one.
+
     [bold]Examples[/bold]
 
       flexmotion servo adopt --joint l_knee --port /dev/ttyUSB0 --robot ./my_robot
@@ -52,10 +51,10 @@ def adopt(
     chosen = load_robot(robot)
     index = chosen.index(joint)
     config = chosen.joints[index]
-    id_, baud = _FACTORY[chosen.servos[index].protocol]
-    id_, baud = id_ if present_id is None else present_id, baud if present_baud is None else present_baud
     with open_bench(chosen, port, power=True) as bench:
         tools = bench.tools[config.bus]
+        id_ = tools.new_id if present_id is None else present_id
+        baud = tools.new_baud if present_baud is None else present_baud
         _refuse_taken(tools, chosen, index, id_, baud)
         rate = chosen.config.buses[config.bus].baud
         tools.port.set_baud(baud)
@@ -68,13 +67,19 @@ def adopt(
             raise typer.Abort
         file = default_file(chosen.name) if backup is None else backup
         write_settings(file, chosen.name, [replace(inspection, id=config.id)])  # it has this id when it is restored
-        if id_ != config.id:
-            tools.change_id(id_, config.id)
-        if baud != rate:
-            tools.write_baud(chosen, index, rate)
-            tools.port.set_baud(rate)
-        tools.acknowledge(chosen, [index])
-        tools.write_settings(chosen, index, inspection.changes)
+        try:
+            if id_ != config.id:
+                tools.change_id(id_, config.id)
+            if baud != rate:
+                tools.write_baud(chosen, index, rate)
+                tools.port.set_baud(rate)
+            tools.acknowledge(chosen, [index])
+            tools.write_settings(chosen, index, inspection.changes)
+        except (DriverError, KeyboardInterrupt):
+            print_note(
+                f"a part may be written; `flexmotion servo scan` shows its id and bit rate, its old settings: {file}"
+            )
+            raise
     if as_json:
         print_json(
             {

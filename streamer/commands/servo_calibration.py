@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, angle_at_rest, open_bench
+from flexmotion.streamer.commands.bus_readout import PortsOption, angle_at_rest, open_bench, refuse_shipped
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
@@ -32,7 +32,7 @@ _STILL_RAD_S = 0.2
 
 
 def calibrate(
-    port: PortOption,
+    port: PortsOption,
     robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
     joint: Annotated[
         list[str] | None, typer.Option("--joint", "-j", help="Only this joint (repeatable).", show_default=False)
@@ -57,7 +57,7 @@ def calibrate(
     from flexmotion.configs.robot import load_robot
 
     chosen = load_robot(robot)
-    _refuse_shipped(chosen)
+    refuse_shipped(chosen)
     for name in joint or ():
         chosen.index(name)
     calibration = _measure_zeros(chosen, port, joint or list(chosen.joint_names))
@@ -65,7 +65,8 @@ def calibrate(
         print_result("ended, nothing stored")
         return
     file = write_calibration(chosen.folder, calibration)
-    print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
+    if any(servo.protocol == "dynamixel2" for servo in chosen.servos):
+        print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
     if as_json:
         print_json(calibration.model_dump())
     else:
@@ -73,7 +74,7 @@ def calibrate(
 
 
 def calibrate_imu(
-    port: PortOption,
+    port: PortsOption,
     robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
     imu_port: Annotated[
         str | None,
@@ -99,7 +100,7 @@ def calibrate_imu(
     from flexmotion.drivers.imu.mounting import mounting
 
     chosen = load_robot(robot)
-    _refuse_shipped(chosen)
+    refuse_shipped(chosen)
     imu = chosen.config.imu
     if imu is None or imu.driver is None:
         raise ConfigError(f"{chosen.file}: field imu.driver: there is no IMU to calibrate")
@@ -116,17 +117,6 @@ def calibrate_imu(
         print_json(measured.model_dump())
     else:
         print_result(f"the IMU's frame in the torso, w x y z: {w:g} {x:g} {y:g} {z:g}; stored: {file}")
-
-
-def _refuse_shipped(robot: Robot) -> None:
-    """A calibration is of one robot: the shipped file is that of all of its kind. Raises `ConfigError`."""
-    from flexmotion.configs.robot import is_shipped
-
-    if is_shipped(robot):
-        raise ConfigError(
-            f"--robot {robot.name}: a shipped robot, whose folder is the program's; copy {robot.folder} to one of "
-            "your own and give that folder"
-        )
 
 
 def _specific_force(bench: Bench, what: str) -> Float:

@@ -14,7 +14,7 @@ import typer
 from rich.table import Table
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import open_bench
+from flexmotion.streamer.commands.bus_readout import PORTS_HELP, open_bench, refuse_shipped
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -33,7 +33,8 @@ def identify(
     joint: Annotated[list[str], typer.Option("--joint", "-j", help="Joint to identify (repeatable).")],
     robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the result is stored in it.")],
     port: Annotated[
-        str | None, typer.Option("--port", "-p", help="Port of the servo bus: the joint moves.", show_default=False)
+        str | None,
+        typer.Option("--port", "-p", metavar="PORT", help=f"{PORTS_HELP} The joint moves.", show_default=False),
     ] = None,
     log: Annotated[
         Path | None,
@@ -72,6 +73,8 @@ def identify(
     if amplitude is not None and not (math.isfinite(amplitude) and amplitude > 0.0):
         raise ConfigError(f"--amplitude {amplitude:g}: expected an angle above 0 [rad]")
     chosen = load_robot(robot)
+    if not dry_run:
+        refuse_shipped(chosen)
     indices = [chosen.index(name) for name in dict.fromkeys(joint)]
     if log is not None:
         _finish(chosen, _from_log(chosen, indices, log), as_json=as_json)
@@ -141,10 +144,11 @@ def _plans(robot: Robot, indices: Sequence[int], port: str, amplitude: float | N
 def _by_motion(robot: Robot, planned: Sequence[Excitation], port: str) -> list[Identified]:
     from flexmotion.drivers.bus.driver import BusDriver
     from flexmotion.drivers.bus.finder import bus_driver_of
+    from flexmotion.drivers.bus.options import ports_in
     from flexmotion.drivers.identification.experiment import Experiment
     from flexmotion.drivers.registry import create
 
-    driver = create(bus_driver_of(robot).name, robot, port=port)
+    driver = create(bus_driver_of(robot).name, robot, **ports_in(port))
     assert isinstance(driver, BusDriver)
     budgets = [driver.Bus.budget(robot, name) for name in robot.config.buses]
     bus_s = max(budget.write_s - budget.asked_s for budget in budgets)

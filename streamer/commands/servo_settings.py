@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from flexmotion.configs.errors import ConfigError, DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
+from flexmotion.streamer.commands.bus_readout import PortsOption, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -26,7 +26,7 @@ Changes = dict[str, dict[str, int]]
 
 
 def configure(
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     check: Annotated[
         bool, typer.Option("--check", help="Only show what differs; exit code 1 if anything does.")
@@ -66,7 +66,7 @@ def configure(
 
 def restore(
     file: Annotated[Path, typer.Argument(help="File of old values that `servo configure` has stored.")],
-    port: PortOption,
+    port: PortsOption,
     robot: RobotOption = "op3",
     yes: YesOption = False,
     backup: Annotated[
@@ -75,7 +75,9 @@ def restore(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the settings back that servos had before `servo configure`.
+    """Write the settings back that servos had before `servo configure` or `servo adopt`.
+
+    Only the servos in the file must be connected. Ids and bit rates stay as they are.
 
     [bold]Examples[/bold]
 
@@ -88,7 +90,7 @@ def restore(
     kept = read_settings(file, chosen.name)
     with open_bench(chosen, port, power=True) as bench:
         bench.acknowledge()
-        inspections = bench.inspect()
+        inspections = bench.inspect(list(kept.joints))
         now = {each.joint: each for each in inspections}
         changes: Changes = {}
         for joint, old in kept.joints.items():

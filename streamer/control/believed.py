@@ -20,7 +20,9 @@ _MOST = 4
 and bounded: one that was wrong for minutes is believed again after 30 times as many good readings as the patience."""
 
 _RETURNS = 4
-"""Readings in which the way back from an explained step is believed: as many as an impact explains, and one."""
+"""Readings in which the way back from a sudden step is believed: as many as an impact explains, and one."""
+_SUDDEN = 0.5
+"""Share of the greatest change that is believed at once from which on a change is sudden."""
 
 
 class Suspicion:
@@ -62,8 +64,8 @@ class Suspicion:
 class Believed:
     """The last m values that can be.
 
-    A value outside its range is never believed. A step is believed once it is repeated. One that was believed because
-    something explained it may have been wrong all the same: for some readings the way back is believed too.
+    A value outside its range is never believed. A step is believed once it is repeated. A sudden one that was believed
+    may have been wrong all the same, and so may the next: for some readings the way back is believed too.
 
     Args:
         m: number of values.
@@ -82,7 +84,7 @@ class Believed:
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
         self._none = np.zeros(m, np.bool_)
-        self._before, self._returns = np.full(m, np.nan), 0  # values before an explained step, and readings since
+        self._before, self._returns = np.full(m, np.nan), 0  # values before a sudden step, and readings left
 
     def forget(self) -> None:
         """The next values are believed if they are in their range."""
@@ -110,7 +112,8 @@ class Believed:
             if self._returns:
                 self._returns -= 1
                 wrong &= outside | (np.abs(values - self._before) > step)
-            if explained and (~wrong & (away > step)).any():
+            # A second one does not hide the way back to before the first, unless it is larger than either may be.
+            if (~wrong & (away > (step if self._returns else _SUDDEN * step))).any():
                 np.copyto(self._before, self.value)
                 self._returns = _RETURNS
             if wrong.any() and self._agreeing is not None:
@@ -126,8 +129,8 @@ class Believed:
         return wrong
 
     def _usual(self, values: Float, widened: float) -> bool:
-        """Whether all values are known, inside the range and near the last ones, and none is being repeated."""
+        """Whether all values are known, inside the range and near the last ones: none is sudden or being repeated."""
         inside = every((values >= self._lowest) & (values <= self._highest))
         if not inside or some(self._repeats):
             return False
-        return self._step == math.inf or every(np.abs(values - self.value) <= widened * self._step)
+        return self._step == math.inf or every(np.abs(values - self.value) <= _SUDDEN * widened * self._step)

@@ -35,6 +35,8 @@ CYCLES = {
     "median_ms": 5.0,
     "p99_ms": 6.0,
     "median_over_wire": 1.25,
+    "processor_us": 270.0,
+    "processor_ratio": 5.28,
     "failed": 0,
 }
 
@@ -52,7 +54,7 @@ def test_a_table_is_written_between_its_markers() -> None:
     kept = result("bus/cycle_time", {"sdk, 1000000": CYCLES, "processor_share_1000000": 0.4, "others": {"x": 1}})
     text = updated(TEXT, "doc.md", lambda name: kept if name == "bus/cycle_time" else None)
     assert text.startswith("# Title\n\n<!-- figures: bus-cycle-time -->\n") and text.endswith(f"{END}\n\nafter\n")
-    assert "| sdk | 1000000 | 4.00 | 5.00 | 6.00 | 1.25 | 0 |" in text and "old" not in text
+    assert "| sdk | 1000000 | 4.00 | 5.00 | 6.00 | 1.25 | 270 | 5.28 | 0 |" in text and "old" not in text
     assert "`bus/cycle_time`: measured (2026-01-31, 0123456, load 0.5 on 2 cores); Some Processor." in text
     assert updated(text, "doc.md", lambda _name: kept) == text
 

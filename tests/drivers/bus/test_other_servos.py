@@ -18,6 +18,7 @@ from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.feetech.registers import sts as sts_table
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.lx16a.bus import Lx16aBus
@@ -363,3 +364,59 @@ def test_answers_that_an_adapter_delays_confirm_torque_off(lx: Robot) -> None:
         assert driver.holding == []
         world.emulator.faults[:] = []
         world.advance(0.02)
+
+
+def test_a_feetech_servo_has_a_position_before_the_first_read_of_a_run(sts: Robot) -> None:
+    """Regression: a servo that missed the first read stood at tick 0, -3.14 rad, and the run did not start."""
+    driver, world = looped("feetech", sts)
+    state, shoulder = RobotState(sts.n), sts.index("r_sho_roll")
+    with driver:
+        world.emulator.faults[:] = [Fault.parse("dead:3")]
+        world.advance(0.01)
+        driver.read(state)
+        assert state.stale[shoulder] == 1
+        assert state.position[shoulder] == pytest.approx(sts.stand_pose[shoulder], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("register", "what"),
+    [("goal_position", "does not take its goal position"), ("torque_enable", "does not switch its torque on")],
+)
+def test_the_feetech_servo_that_refuses_a_start_is_blamed(
+    register: str, what: str, sts: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: the first servo of the bus was named, whichever it was."""
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    servo, address = bus.servos[knee], sts_table()[register].address
+    write = servo.write
+
+    def wrong(at: int, data: bytes) -> None:
+        """It takes another goal, and no torque."""
+        write(at, data if at != address else bytes(1) if register == "torque_enable" else data[:1] + bytes(1))
+
+    monkeypatch.setattr(servo, "write", wrong)
+    with driver, pytest.raises(DriverError, match=rf"servo of l_knee \(id 14\) on main: {what}: torque stays off"):
+        driver.set_torque(True)
+    assert not world.emulator.body.plant.enabled.any()
+
+
+def test_a_feetech_servo_switches_itself_off_at_its_own_temperature(sts: Robot) -> None:
+    """Regression: the catalogue's temperature counted, whatever the servo was set to."""
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[knee].put("temperature_limit", 55)
+    with driver:
+        assert driver.temperature_limit[knee] == 55 and driver.temperature_limit[knee - 1] == 70
+
+
+def test_a_feetech_servo_with_an_integral_gain_is_not_configured(sts: Robot) -> None:
+    """The servo plant has none: such a joint goes on turning after its goal has stopped."""
+    driver, world = looped("feetech", sts)
+    bus = world.emulator.lines[0].bus
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[sts.index("l_knee")].put("i_gain", 5)
+    with pytest.raises(ConfigError, match=r"l_knee \(id 14\).*i_gain is 5, the robot file wants 0"):
+        driver.look()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.registry import create
+from flexmotion.streamer.cli import execute
 
 
 @pytest.fixture
@@ -125,3 +127,19 @@ def test_silent_buses_share_the_time_in_which_torque_off_is_confirmed(split: Rob
         it.driver.set_torque(False)
         assert it.world.now - begin < CONFIRM_S + 0.01
         assert len(it.driver.holding) == split.n
+
+
+def test_tools_take_a_port_for_each_bus(
+    split: Robot, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: no command but `run` took more than one port, so that such a robot could not be configured."""
+    world = Loopback(BenchBody(split))
+    for module in ("flexmotion.drivers.bench", "flexmotion.drivers.bus.driver"):
+        monkeypatch.setattr(f"{module}.SerialPort", world.open_port)
+    audit = ["check", "bus", "--robot", str(split.folder), "--json", "--port"]
+    assert execute([*audit, "legs=legs,upper=upper"]) == 0
+    assert [row["voltage"] for row in json.loads(capsys.readouterr().out)["servos"]] == [12.0] * 20
+    assert execute([*audit, "legs"]) == 2
+    assert "expected one for each bus: --port legs=DEVICE,upper=DEVICE" in capsys.readouterr().err
+    assert execute([*audit, "legs=legs,upper"]) == 2
+    assert "--port legs=legs,upper: expected DEVICE, or BUS=DEVICE,BUS=DEVICE" in capsys.readouterr().err

@@ -11,6 +11,7 @@ from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.lx16a_bus import EmulatedLx16aBus
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.lx16a.tools import Lx16aTools
 
@@ -76,3 +77,28 @@ def test_the_id_of_a_dynamixel_is_locked_by_its_torque() -> None:
     bus.servos[0].write(64, b"\x01")
     with pytest.raises(DriverError, match="torque is on, which locks the id"):
         kind.change_id(bus.servos[0].id, 99)
+
+
+@pytest.mark.parametrize("lost", [1, 99])
+def test_torque_off_of_an_lx16a_is_proven(lost: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: `servo calibrate` sent it once, and did not look."""
+    robot = op3_with(tmp_path, servo="LX-16A", baud=115_200)
+    tools, world = bench(Lx16aTools, robot)
+    bus, knee = world.emulator.lines[0].bus, robot.index("l_knee")
+    assert isinstance(bus, EmulatedLx16aBus)
+    servo = bus.servos[knee]
+    servo.load(True)
+    load, missed = servo.load, []
+
+    def lossy(on: bool) -> None:
+        missed.append(on)
+        if len(missed) > lost:
+            load(on)
+
+    monkeypatch.setattr(servo, "load", lossy)
+    if lost == 1:
+        tools.torque_off(robot, knee)
+        assert not servo.loaded
+    else:
+        with pytest.raises(DriverError, match=r"l_knee \(id 14\) on main: torque does not go off"):
+            tools.torque_off(robot, knee)

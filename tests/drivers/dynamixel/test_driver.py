@@ -10,6 +10,7 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.inspection import NotConfiguredError
 from flexmotion.drivers.bus.servo_bus import TORQUE_LOST
 from flexmotion.drivers.dynamixel.driver import DynamixelDriver
 from flexmotion.drivers.dynamixel.registers import Register
@@ -27,6 +28,8 @@ from flexmotion.drivers.registry import create
 from ..bus.robots import op3_with
 
 KNEE = 14
+TABLE = 120
+"""Registers up to the goal position and its profile: what a host can change."""
 ON_THE_WIRE_S = 0.004
 """Time after which the last bytes have reached the servos [s]."""
 
@@ -141,6 +144,31 @@ def test_servos_that_answer_pings_only_are_made_to_answer(rig: Callable[..., Rig
     it.servo(3).put("profile_velocity", 30)
     it.driver.open()
     assert it.servo(KNEE).get("status_return_level") == 2 and it.servo(3).get("profile_velocity") == 0
+
+
+def test_a_look_passes_servos_that_answer_nothing_before_a_write(rig: Callable[..., Rig]) -> None:
+    """A board that has switched their power off, and a status return level of 0: `open` changes both."""
+    it = rig()
+    board = next(device for device in it.bus.devices if device.id == 200)
+    board.put("dynamixel_power", 0)
+    it.driver.look()
+    assert board.get("dynamixel_power") == 0
+    it.driver.open()
+    it.driver.close()
+    assert board.get("dynamixel_power") == 1
+    before = [bytes(servo.memory[:TABLE]) for servo in it.bus.servos]
+    it.servo(KNEE).put("status_return_level", 0)
+    it.driver.look()
+    assert it.servo(KNEE).get("status_return_level") == 0
+    it.servo(KNEE).put("status_return_level", 2)
+    assert [bytes(servo.memory[:TABLE]) for servo in it.bus.servos] == before
+    it.servo(KNEE).put("homing_offset", 1)
+    with pytest.raises(NotConfiguredError, match="homing_offset is 1"):
+        it.driver.look()
+    it.servo(KNEE).put("homing_offset", 0)
+    it.start()
+    it.tick()
+    assert not it.state.stale.any()
 
 
 def test_a_goal_pwm_of_another_program_is_raised_to_the_limit(rig: Callable[..., Rig]) -> None:
@@ -274,7 +302,7 @@ def test_a_joint_outside_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig
 @pytest.mark.parametrize(
     ("register", "value", "says"),
     [
-        ("model_number", 1060, r"l_knee \(id 14\).*model number 1060, expected 1020 of XM430-W350"),
+        ("model_number", 1060, r"l_knee \(id 14\).*is XL430-W250 .*1060\), the robot file has XM430-W350"),
         ("protocol_type", 21, r"l_knee \(id 14\).*another protocol"),
         ("id", 99, r"l_knee \(id 14\).*does not answer at 2000000 baud"),
     ],
@@ -318,7 +346,7 @@ def test_a_port_in_use_is_named(op3: Robot, emulated: Callable[..., Emulator]) -
 def test_options_name_a_port_for_every_bus(op3: Robot) -> None:
     with pytest.raises(ConfigError, match="expected either port"):
         create("dynamixel", op3)
-    with pytest.raises(ConfigError, match="no device for bus 'main'"):
+    with pytest.raises(ConfigError, match="no port for bus 'main'"):
         create("dynamixel", op3, ports={"other": "/dev/x"})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -25,9 +25,15 @@ class Wired:
     """A robot's emulated servos on the port `main` of this process, and the bytes that commands send to them."""
 
     def __init__(
-        self, robot: Robot, monkeypatch: pytest.MonkeyPatch, *, factory: bool, simulated_clock: bool = True
+        self,
+        robot: Robot,
+        monkeypatch: pytest.MonkeyPatch,
+        *,
+        factory: bool,
+        new: Sequence[str] = (),
+        simulated_clock: bool = True,
     ) -> None:
-        self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
+        self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory, new=new)
         self.tap = WireTap(self.world)
         for module in ("flexmotion.drivers.bench", "flexmotion.drivers.bus.driver", "flexmotion.drivers.port"):
             monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
@@ -60,7 +66,7 @@ def folder(tmp_path: Path) -> Path:
 def wired(folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Wired]:
     monkeypatch.chdir(tmp_path)
 
-    def make(*, factory: bool = False, simulated_clock: bool = True) -> Wired:
-        return Wired(load_robot(folder), monkeypatch, factory=factory, simulated_clock=simulated_clock)
+    def make(*, factory: bool = False, new: Sequence[str] = (), simulated_clock: bool = True) -> Wired:
+        return Wired(load_robot(folder), monkeypatch, factory=factory, new=new, simulated_clock=simulated_clock)
 
     return make

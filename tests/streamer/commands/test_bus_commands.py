@@ -16,6 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
+from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.port import SerialPort
 from flexmotion.streamer.checks.bus_check import check_buses
@@ -77,8 +79,35 @@ def test_a_slower_loop_always_fits() -> None:
 
 
 def test_a_port_that_is_not_there_is_one_line_and_exit_code_3(capfd: pytest.CaptureFixture[str]) -> None:
+    """Regression: the budget, which needs no port, was not printed."""
     assert execute(["check", "bus", "--port", "/dev/nowhere"]) == 3
-    assert capfd.readouterr().err == "flexmotion: port /dev/nowhere: there is no such device\n"
+    out, err = capfd.readouterr()
+    assert err == "flexmotion: port /dev/nowhere: there is no such device\n" and "379 B, 1.90 ms" in out
+
+
+def test_an_audit_that_fails_prints_what_it_has_read_first(
+    connected: Callable[[Robot], Loopback], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: it printed neither budget nor servos."""
+    robot = load_robot("op3")
+    world, knee = connected(robot), robot.index("l_knee")
+    world.emulator.faults[:] = [Fault.parse("dead:14")]
+    audit = ["check", "bus", "--port", "main"]
+    assert execute([*audit, "--json"]) == 3
+    out, err = capsys.readouterr()
+    report = json.loads(out)
+    assert not report["ok"] and report["buses"][0]["fits"]
+    assert report["servos"][knee]["voltage"] is None and report["servos"][knee - 1]["voltage"] == 12.0
+    assert "servo of l_knee (id 14) on main: does not answer" in report["failure"] and report["failure"] in err
+
+    world.emulator.faults.clear()
+    bus = world.emulator.lines[0].bus
+    assert isinstance(bus, EmulatedDynamixelBus)
+    next(servo for servo in bus.servos if servo.id == 14).put("secondary_id", 3)
+    assert execute(audit) == 2
+    out, err = capsys.readouterr()
+    assert "379 B, 1.90 ms" in out and out.count("XM430-W350") == 20
+    assert "is not configured: secondary_id is 3" in err
 
 
 def test_servos_are_audited_found_renamed_and_watched(
@@ -95,11 +124,19 @@ def test_servos_are_audited_found_renamed_and_watched(
     assert [each["id"] for each in found] == [*range(1, 21), 200]
     # Went wrong: a scan that found no servo exited with 0.
     assert execute(["servo", "scan", *port, "--baud", "57600"]) == 1
-    assert "no servo answers" in capsys.readouterr().err
+    assert "no servo of dynamixel2 answers" in capsys.readouterr().err
     assert execute(["servo", "scan", *port, "--baud", "12345"]) == 1
     assert "--baud 12345: no rate of servos of dynamixel2, theirs are 9600, 57600" in capsys.readouterr().err
     succeed("servo", "set-id", "14", "77", *bus)
-    assert execute(["servo", "watch", *port, "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
+    capsys.readouterr()
+    # Went wrong: with one servo missing, none was shown.
+    assert execute(["servo", "watch", *port, "--seconds", "0.2", "--json"]) == 3
+    out, err = capsys.readouterr()
+    rows = json.loads(out)
+    assert {row["position_rad"] for row in rows if row["id"] == 14} == {None}
+    missed = {row["id"]: row["missed_reads"] > 0 for row in rows}
+    assert missed.pop(14) and len(missed) == 19 and not any(missed.values())
+    assert "servo of l_knee (id 14) on main: does not answer at 2000000 baud" in err
     succeed("servo", "set-id", "77", "14", *bus)
 
     rows = json.loads(succeed("servo", "watch", *port, "--seconds", "1", "--json"))

@@ -58,3 +58,28 @@ def test_a_servo_that_cannot_be_adopted_keeps_its_id(
     assert execute([*command, "--backup", str(kept)]) == 0
     assert yaml.safe_load(kept.read_text(encoding="utf-8"))["joints"]["l_knee"]["settings"]["return_delay_time"] == 250
     assert knee.id == KNEE
+
+
+def test_an_adopted_servo_is_restored_alone(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: to restore one servo, all of the robot's had to be connected."""
+    it, kept = wired(factory=True, new=["l_knee"]), tmp_path / "kept.yaml"
+    (knee,) = (servo for servo in it.bus.servos if servo.id == 1 and servo.baud == 57_600)
+    it.bus.dead.update(servo.id for servo in it.bus.servos if servo.id not in (1, KNEE))
+    here = [*PORT, "--robot", str(folder), "--yes", "--backup"]
+    assert execute(["servo", "adopt", "--joint", "l_knee", *here, str(kept)]) == 0
+    assert knee.id == KNEE and knee.get("return_delay_time") == 0
+    assert execute(["servo", "restore", str(kept), *here, str(tmp_path / "adopted.yaml")]) == 0
+    assert knee.id == KNEE and knee.get("return_delay_time") == 250
+
+
+def test_of_two_new_servos_none_is_adopted(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They answer pings alike; written at once, both would be the joint's."""
+    it = wired(new=["l_knee", "r_knee"])
+    before = it.memories()
+    assert execute(["servo", "adopt", "--joint", "l_knee", *PORT, "--robot", str(folder), "--yes"]) == 3
+    assert "perhaps two servos have this id" in capsys.readouterr().err
+    assert it.memories() == before and not it.tap.writes("dynamixel2")

@@ -133,3 +133,15 @@ def test_wrong_arguments_are_named(
     log.write_bytes(b"no log")
     assert execute(arguments(folder, *(each.format(log=log) for each in more))) == 2
     assert message in capsys.readouterr().err
+
+
+def test_figures_of_one_robot_are_not_stored_with_the_shipped_one(
+    hung: Callable[[], Hung], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: they were written to the program's folder, for every robot of this kind."""
+    it = hung()
+    shipped = ["servo", "identify", "--joint", "l_knee", "--robot", "op3", "--port", "main"]
+    assert execute([*shipped, "--yes"]) == 2
+    assert "--robot op3: a shipped robot, whose folder is the program's; copy" in capsys.readouterr().err
+    assert not it.tap.sent
+    assert execute([*shipped, "--dry-run"]) == 0

@@ -112,6 +112,36 @@ def test_a_run_on_servos_from_the_shop_exits_2_and_names_one(
     assert it.memories() == before
 
 
+class _PreparedError(Exception):
+    """The motion of a run was asked for."""
+
+
+def test_the_bus_is_looked_at_before_a_run_prepares_anything(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: motion was loaded and planned first, which takes a slow machine a minute."""
+
+    def prepare(*_: object, **__: object) -> None:
+        raise _PreparedError
+
+    monkeypatch.setattr("flexmotion.streamer.commands.choice.choose_source", prepare)
+    monkeypatch.setattr("flexmotion.streamer.run.parts.Retargeter", prepare)
+    command = ["run", "--robot", str(folder), "--driver", "dynamixel"]
+    it = wired(factory=True)
+    for options in ([], ["--wait"]):
+        assert execute([*command, *PORT, *options]) == 2
+        assert "is not configured" in capsys.readouterr().err
+    assert it.tap.sent and not it.tap.writes("dynamixel2")
+
+    it = wired()
+    with pytest.raises(_PreparedError):
+        execute([*command, *PORT])
+    assert it.tap.sent and not it.tap.writes("dynamixel2")
+    assert execute([*command, "--port", "elsewhere"]) == 3
+    with pytest.raises(_PreparedError):
+        execute([*command, "--port", "elsewhere", "--wait"])
+
+
 def test_configure_shows_stores_and_writes_and_the_second_start_writes_no_eeprom(
     wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -191,6 +191,14 @@ def test_the_step_of_a_turn_that_is_believed_follows_the_robots_size(op3: Robot,
     assert watched.read(gyro=2.0 * step).gyro[0] == pytest.approx(0.9 * step) and watched.checks.disbelieved == 1
 
 
+def test_after_two_false_turns_the_true_one_is_believed(watched: Watched) -> None:
+    """Each was near the one before, the true one was not: the gyro stayed at 2.2 rad/s until the IMU was silent."""
+    step = 4.0 * GRAVITY / watched.robot.gait.stand_hip_height / RATE
+    held = [float(watched.read(gyro=turn).gyro[0]) for turn in (0.95 * step, 1.5 * step, 0.05, 0.0, 0.0)]
+    assert held == pytest.approx([0.95 * step, 1.5 * step, 0.05, 0.0, 0.0])
+    assert watched.state.imu_stale == 0 and watched.checks.disbelieved == 0
+
+
 def test_an_imu_that_stays_wrong_counts_as_silent(watched: Watched) -> None:
     reads = watched.robot.safety.max_stale_reads
     stale = [watched.read(gyro=5.0).imu_stale for _ in range(reads + 3)]
