@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,22 @@ class PartGoal:
     until: float
 
 
+@dataclass(frozen=True)
+class PartGoals:
+    """What arms and head are to do.
+
+    Attributes:
+        goals: that hold; no channel is in two of them. Joints of others go back.
+        ended: a stop has ended the goals up to this number: their joints stay where they are.
+    """
+
+    goals: Sequence[PartGoal] = ()
+    ended: float = 0.0
+
+
+NO_PARTS, STOPPED_PARTS = PartGoals(), PartGoals(ended=np.inf)
+
+
 class PartPaths:
     """Paths of the channels of one robot's filter.
 
@@ -67,17 +84,17 @@ class PartPaths:
         self._follower, self._rest = follower, rest
         self._rate = 1.0 / follower.dt
 
-    def update(self, state: RetargetState, goals: Sequence[PartGoal] | None, tick: int) -> None:
+    def update(self, state: RetargetState, parts: PartGoals, tick: int) -> None:
         """Begin the paths to goals that are new, and let those go that are not among the goals any more.
 
         Args:
             state: where a plan resumes; its paths are written.
-            goals: no channel is in two of them; None: every path ends, and the joints stay where they are.
+            parts: what is to be done.
             tick: at which the plan begins.
         """
-        if goals is None:
-            state.part[...], state.part_until[...] = 0.0, -np.inf
-            return
+        ended = state.part <= parts.ended
+        state.part[ended], state.part_until[ended] = 0.0, -np.inf
+        goals = parts.goals
         gone = (state.part > 0) & ~np.isin(state.part, [goal.number for goal in goals])
         state.part_until[gone] = np.minimum(state.part_until[gone], tick)
         for goal in goals:
@@ -104,11 +121,15 @@ class PartPaths:
         if not len(led):
             return targets
         targets = targets.copy()
-        for channel in led:
+        for channel in map(int, led):
             back = minimum_jerk((ticks - state.part_until[channel]) / fades[channel])
             base = self._rest[channel] if stands else targets[:, channel]
             targets[:, channel] = (1.0 - back) * self._path(state, channel, ticks) + back * base
         return targets
+
+    def leads(self, state: RetargetState, tick: float) -> bool:
+        """Whether a joint follows a path from a tick on, under way or held."""
+        return bool((state.part_until + self._fades(state) + _SETTLE_S * self._rate > tick).any())
 
     def moves(self, state: RetargetState, tick: float) -> bool:
         """Whether a joint is under way to its goal, or back from it, at a tick or soon after it."""
@@ -166,14 +187,14 @@ class PartPaths:
         # A joint that is faster than that already is not asked to be slower at once.
         slow = np.abs(top) <= np.maximum(fastest, np.abs(speed))
         bend = 1.5 / _RISES[:, None] * np.maximum(np.abs(top - speed), np.abs(top))
-        fits = slow & (bend <= hardest)
-        return _RISES[fits.argmax(axis=0)], fits.any(axis=0)
+        fits: NDArray[np.bool_] = slow & (bend <= hardest)
+        within: NDArray[np.bool_] = fits.any(axis=0)
+        return _RISES[fits.argmax(axis=0)], within
 
 
-def _top(way: Float, speed: Float, rise: Float) -> Float:
+def _top(way: Any, speed: Any, rise: Any) -> Any:
     """The speed between rise and fall, for which the path ends at `way`; arguments of `_places`."""
-    top: Float = (way - 0.5 * rise * speed) / (1.0 - rise)
-    return top
+    return (way - 0.5 * rise * speed) / (1.0 - rise)
 
 
 def _places(share: Float, way: float, speed: float, rise: float) -> Float:
@@ -185,7 +206,7 @@ def _places(share: Float, way: float, speed: float, rise: float) -> Float:
         share: of the time, (T,), from before its begin to after its end; rise: of it in which the speed changes, and in
             which it falls, .5 at most.
     """
-    top = float(_top(np.float64(way), np.float64(speed), np.float64(rise)))
+    top = float(_top(way, speed, rise))
     before, share = np.minimum(share, 0.0), np.clip(share, 0.0, 1.0)
     begin, end = np.minimum(share / rise, 1.0), np.minimum((1.0 - share) / rise, 1.0)
     # u³ - u⁴/2 is the integral of the smoothstep 3 u² - 2 u³.

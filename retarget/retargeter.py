@@ -6,7 +6,7 @@ far as the frames reach that it is given. Every plan ends in a balanced stop on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import astuple, replace
 from functools import partial
 
@@ -28,7 +28,7 @@ from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
-from flexmotion.retarget.part_paths import PartGoal, PartPaths
+from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
 from flexmotion.retarget.part_solver import PartSolver
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.resume import BodyMotion, resume_states
@@ -133,7 +133,7 @@ class Retargeter:
         *,
         horizon: int | None = None,
         exact: bool = False,
-        parts: Sequence[PartGoal] | None = (),
+        parts: PartGoals = NO_PARTS,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> Plan:
         """The plan that starts at `tick`.
@@ -145,7 +145,7 @@ class Retargeter:
             tick: loop tick of the first row.
             horizon: most rows that may follow the human; the settings' where not given.
             exact: the feet turn to where a standing human looks by small steps too.
-            parts: where joints of arms and head are to be, whatever the human does; None: they stop where they are.
+            parts: where joints of arms and head are to be, whatever the human does.
             checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
@@ -186,7 +186,7 @@ class Retargeter:
         tick: int,
         horizon: int | None,
         exact: bool,
-        parts: Sequence[PartGoal] | None,
+        parts: PartGoals,
         checkpoint: Callable[[], None],
     ) -> Plan:
         """The plan at one ease; arguments of `plan`."""

@@ -43,6 +43,7 @@ from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.part_intents import PartIntent, Relax
+from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import RequestChannel
 
@@ -362,7 +363,7 @@ class Desk:
 
 def _part_of(asked: Asked) -> str:
     """The part of the body that a target is for: newer ones replace older ones of the same part."""
-    intent = asked.intent
+    intent = None if asked.intent is None else part_of_words(asked.intent) or asked.intent
     if not isinstance(intent, PartIntent):
         return _WHOLE
     return "relax" if isinstance(intent, Relax) else intent.part

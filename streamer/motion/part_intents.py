@@ -254,6 +254,7 @@ def part_from_content(word: str, value: Any) -> PartIntent:
         raise ConfigError(f"{word}: expected the fields {', '.join(known)}; found {value!r}")
     fields: dict[str, Any] = {name: tuple(one) if isinstance(one, list) else one for name, one in value.items()}
     try:
-        return kind(**fields)
+        made: PartIntent = kind(**fields)
     except TypeError:
         raise ConfigError(f"{word}: expected the fields {', '.join(known)}; found {', '.join(value)}") from None
+    return made

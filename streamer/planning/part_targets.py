@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal
+from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal, PartGoals
 from flexmotion.retarget.part_solver import Solved
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
@@ -23,6 +23,7 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, PartIntent, Point, Relax
+from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.target_ledger import ended_by
 
@@ -39,16 +40,12 @@ class _Holding:
     """A part's target that holds, and its goal."""
 
     target: Target
+    intent: Hand | Point | Look | JointAngle
     goal: PartGoal
     asked_due: float
     heard: Heard
     revision: int
     answered: bool = False
-
-    @property
-    def intent(self) -> PartIntent:
-        assert isinstance(self.target.intent, PartIntent)
-        return self.target.intent
 
 
 class PartTargets:
@@ -67,7 +64,7 @@ class PartTargets:
         self._waiting: list[tuple[Target, float]] = []
         self._holding: list[_Holding] = []
         self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revision = 0
+        self._revision = self._ended = 0
         self._made: dict[int, int] = {}  # revisions by plan
         self._planned_tick = -math.inf
 
@@ -109,9 +106,9 @@ class PartTargets:
                 self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason}))
         for _, heard in self._relaxed:
             self._publish(heard)
-        changed = bool(self._waiting or self._holding)
+        numbers = [target.id for target, _ in self._waiting] + [one.target.id for one in self._holding]
+        self._ended = max([self._ended, *numbers])
         self._waiting, self._holding, self._relaxed = [], [], []
-        self._revision += changed
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know all targets."""
@@ -119,9 +116,9 @@ class PartTargets:
         return not known and tick >= self._planned_tick + _BETWEEN_S * self._rate
 
     @property
-    def goals(self) -> list[PartGoal]:
+    def goals(self) -> PartGoals:
         """What holds, for the retargeter."""
-        return [one.goal for one in self._holding]
+        return PartGoals([one.goal for one in self._holding], self._ended)
 
     def made(self, plan: int, rows: Plan, playing: int, tick: int) -> None:
         """A plan was made with all that hold.
@@ -141,11 +138,15 @@ class PartTargets:
                 continue
             late_s = (float(state.part_due[own].max()) - one.asked_due) / self._rate
             slowed = None
-            if late_s > _LATE_S and not isinstance(one.intent, Relax):
+            if late_s > _LATE_S:
                 slowed = f"{one.intent.in_s + late_s:.2f} s until it is there"
             answer = "moved" if one.heard.moved else "slowed" if slowed else "accepted"
             heard = one.heard.model_copy(update={"slowed": slowed, "state": answer, "tick": rows.start_tick})
             self._holding[place] = replace(one, heard=heard)
+
+    def leads(self, plan: Plan) -> bool:
+        """Whether a part is led in a plan, under way or held."""
+        return self._retargeter.parts.leads(self._retargeter.layout.view(plan.states[0].copy()), plan.start_tick)
 
     def moves(self, plan: Plan, tick: int) -> bool:
         """Whether a part is under way in a plan, at a tick or soon after it."""
@@ -155,15 +156,16 @@ class PartTargets:
 
     def _begin(self, target: Target, born_tick: float, q: Float) -> None:
         """Let a target hold. Raises `ConfigError` where it cannot be followed; names what is valid."""
-        intent = target.intent
+        words = part_of_words(target.intent)
+        intent = words or target.intent
         assert isinstance(intent, PartIntent)
         if isinstance(intent, Relax):
             self._relax(target, intent)
             return
-        due = born_tick + intent.in_s * self._rate
-        until = born_tick + target.holds_s * self._rate
+        holds_s = target.holds_s if words is None else min(target.holds_s, WORDS_HOLD_S)
+        due, until = born_tick + intent.in_s * self._rate, born_tick + holds_s * self._rate
         if until < due:
-            raise ConfigError(f"{intent}: it holds {target.holds_s:g} s only, expected more than the {intent.in_s:g} s")
+            raise ConfigError(f"{intent}: it holds {holds_s:g} s only, expected more than the {intent.in_s:g} s")
         solved = self._solved(intent, self._ahead(q))
         channels = solved.columns + len(POSTURE)
         goal = PartGoal(target.id, channels, solved.angles, due, until)
@@ -173,9 +175,11 @@ class PartTargets:
                 self._supersede(one)
             else:
                 kept.append(one)
-        heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as=intent.part, moved=solved.moved)
+        heard = Heard(
+            id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part, moved=solved.moved
+        )
         self._revision += 1
-        self._holding = [*kept, _Holding(target, goal, due, heard, self._revision)]
+        self._holding = [*kept, _Holding(target, intent, goal, due, heard, self._revision)]
 
     def _relax(self, target: Target, intent: Relax) -> None:
         """Let parts go."""

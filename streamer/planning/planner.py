@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
-from flexmotion.retarget.part_paths import PartGoal
+from flexmotion.retarget.part_paths import NO_PARTS, PartGoals
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.view import begin_human, follow_drift
@@ -58,7 +58,7 @@ class Planner:
         stop: bool = False,
         partial: bool = False,
         exact: bool = False,
-        parts: Sequence[PartGoal] | None = (),
+        parts: PartGoals = NO_PARTS,
         drift: float = np.nan,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,

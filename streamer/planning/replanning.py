@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.retarget.part_paths import STOPPED_PARTS
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
@@ -167,7 +168,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
-                parts=None if row.must_stop else self.parts.goals,
+                parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
                 drift=self._drift.value,
                 checkpoint=partial(self._check_urgency, kind, target, new),
                 settle=None if self._lockstep else settle,
@@ -184,6 +185,7 @@ class Replanner:
             effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
+            leads=self.parts.leads(planned.plan),
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
@@ -271,7 +273,7 @@ class Replanner:
             return False
         ticket = self._made.ticket(last)
         if must_stop:
-            return not (ticket.stops or row.plan_over)
+            return not (ticket.halts or row.plan_over)
         if self._is_new(target, row) or self._parts_due(row, last):
             return True
         if self.ledger.halted:
@@ -303,8 +305,8 @@ class Replanner:
         if self.parts.wants(last, tick):
             return True
         plan = self._made.plan(last)
-        ends = plan is not None and self.parts.moves(plan, plan.end_tick)
-        return ends and tick >= self._asked_tick + self._replan_ticks
+        moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
+        return moves and tick >= self._asked_tick + self._replan_ticks
 
     def _is_new(self, target: Target, row: TickRow) -> bool:
         """Whether neither the plan that plays nor the one that waits follows this target."""

@@ -13,6 +13,7 @@ from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Velocity, words_of
 from flexmotion.streamer.motion.part_intents import PartIntent
+from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = {
@@ -123,7 +124,7 @@ class TargetLedger:
         self._tick = self._tick if tick is None else tick
         for target in self._inbox.read():
             born_s = self._tick / self._rate_hz if self._lockstep else target.stamp_ns * 1e-9
-            if isinstance(target.intent, PartIntent):
+            if isinstance(target.intent, PartIntent) or part_of_words(target.intent) is not None:
                 self.on_part(target, born_s)
                 continue
             if self._open is not None:

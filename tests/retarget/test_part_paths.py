@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal
+from flexmotion.retarget.part_paths import LONGEST_FADE_S, STOPPED_PARTS, PartGoal, PartGoals
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.whole_body import POSTURE
@@ -29,8 +29,8 @@ def arm(retargeter: Retargeter, q: np.ndarray) -> np.ndarray:
 def stands(retargeter: Retargeter, *goals: PartGoal, after: Plan | None = None, join: int = 30) -> Plan:
     """A plan of a robot that stands, from the stand pose or from a row of another plan."""
     if after is None:
-        return retargeter.plan(retargeter.standing(), None, 0, 0, parts=goals)
-    return retargeter.plan(after.states[join], None, 0, after.start_tick + join, parts=goals)
+        return retargeter.plan(retargeter.standing(), None, 0, 0, parts=PartGoals(goals))
+    return retargeter.plan(after.states[join], None, 0, after.start_tick + join, parts=PartGoals(goals))
 
 
 def test_the_joints_are_there_when_they_are_due_and_stay(retargeter: Retargeter) -> None:
@@ -88,11 +88,11 @@ def test_an_arm_goes_back_to_the_human_where_one_is_followed(retargeter: Retarge
     """The other arm, the legs and the way are those of a plan without a goal."""
     plans = {}
     for name, goals in (("with", [goal(60.0, 70.0)]), ("without", [])):
-        plan = retargeter.plan(retargeter.standing(), walk[:32], 0, 0, parts=goals)
+        plan = retargeter.plan(retargeter.standing(), walk[:32], 0, 0, parts=PartGoals(goals))
         for _ in range(6):
             state, tick = plan.states[31], plan.start_tick + 31
             first = retargeter.next_frame(state, tick, walk.fps)
-            plan = retargeter.plan(state, walk[first : first + 32], first, tick, parts=goals)
+            plan = retargeter.plan(state, walk[first : first + 32], first, tick, parts=PartGoals(goals))
         plans[name] = plan
     led, free = plans["with"], plans["without"]
     rows = slice(0, min(led.stop_row, free.stop_row))
@@ -102,7 +102,7 @@ def test_an_arm_goes_back_to_the_human_where_one_is_followed(retargeter: Retarge
 
 def test_a_stop_leaves_the_arm_where_it_is(retargeter: Retargeter) -> None:
     moving = stands(retargeter, goal(70.0))
-    stop = retargeter.plan(moving.states[30], None, 0, 30, parts=None)
+    stop = retargeter.plan(moving.states[30], None, 0, 30, parts=STOPPED_PARTS)
     q = arm(retargeter, stop.q)
     assert np.abs(q[-1] - arm(retargeter, moving.q)[30]).max() < 0.2
     assert np.abs(np.diff(q[-10:], axis=0)).max() < 1e-4

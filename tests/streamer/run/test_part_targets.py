@@ -105,10 +105,13 @@ def test_a_stop_ends_parts_and_refuses_new_ones_until_it_is_released(live: Live)
     live.session.ask(Request.STOP)
     refused = asked(live, Look((1.0, 1.0, 0.0)))
     assert refused.state == "refused" and "release the stop first" in str(refused.reason)
-    live.until_state(State.HOLD)
+    go_on(live, 0.5)
     stopped = hand(live)
     go_on(live, 1.0)
     assert np.linalg.norm(hand(live) - stopped) < 0.002 and np.linalg.norm(stopped - PLACE) > 0.02
     live.session.ask(Request.CLEAR)
-    go_on(live, 0.5)
+    go_on(live, 1.0)
+    assert np.linalg.norm(hand(live) - stopped) < 0.002  # it does not go on, nor back
     assert asked(live, Look((1.0, 1.0, 0.0))).state == "accepted"
+    go_on(live, 1.0)
+    assert np.linalg.norm(hand(live) - stopped) < 0.002
