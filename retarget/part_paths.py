@@ -188,8 +188,7 @@ class PartPaths:
         slow = np.abs(top) <= np.maximum(fastest, np.abs(speed))
         bend = 1.5 / _RISES[:, None] * np.maximum(np.abs(top - speed), np.abs(top))
         fits: NDArray[np.bool_] = slow & (bend <= hardest)
-        within: NDArray[np.bool_] = fits.any(axis=0)
-        return _RISES[fits.argmax(axis=0)], within
+        return _RISES[fits.argmax(axis=0)], np.asarray(fits.any(axis=0), dtype=np.bool_)
 
 
 def _top(way: Any, speed: Any, rise: Any) -> Any:

@@ -201,9 +201,9 @@ def _row(
     later = due + round(0.3 * record.rate_hz)
     places = [_at(record, measured, tick, partial(measured.hand, hand.side)) for tick in (due, later)]
     gaze = _at(record, measured, due, measured.gaze)
-    away = [float(np.linalg.norm(place - hand.place)) for place in places]
+    hand_m, later_m = (float(np.linalg.norm(place - hand.place)) for place in places)
     head = float(np.degrees(np.arccos(np.clip(gaze @ look.direction, -1.0, 1.0))))
-    return Row(prompt, seed, hand.side, hand.in_s, state, *away, head)
+    return Row(prompt, seed, hand.side, hand.in_s, state, hand_m, later_m, head)
 
 
 def _at(record: RunTrace, measured: Measured, tick: int, what: Callable[[], Float]) -> Float:
