@@ -10,7 +10,7 @@ import pytest
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard
-from flexmotion.streamer.motion.intents import Intent, Stop, Velocity
+from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
 from flexmotion.streamer.run.requests import Request
 
@@ -98,6 +98,20 @@ def test_the_newest_target_of_a_part_counts_and_a_joint_takes_its_arm(live: Live
     names = list(live.session.robot.joint_names)
     assert live.session.record.ticks.true_q[-1, names.index("l_el")] == pytest.approx(-1.0, abs=0.02)
     assert np.linalg.norm(hand(live) - PLACE) > 0.02
+
+
+def test_words_for_the_head_turn_it_and_never_walk(live: Live) -> None:
+    """The words "look to the left" once were heard as turning left, and the robot walked in a curve."""
+    place = live.session.record.ticks.true_base[-1, :2].copy()
+    answer = asked(live, Text("look to the left"), holds_s=600.0)
+    assert (answer.state, answer.heard_as, answer.asked) == ("accepted", "head", "look to the left")
+    go_on(live, 1.2)
+    names = list(live.session.robot.joint_names)
+    assert live.session.record.ticks.true_q[-1, names.index("head_pan")] > 0.7
+    go_on(live, 6.5)  # held for five seconds, then back
+    ticks = live.session.record.ticks
+    assert abs(ticks.true_q[-1, names.index("head_pan")]) < 0.02
+    assert int(ticks.steps_planned[-1]) == 0 and np.linalg.norm(ticks.true_base[-1, :2] - place) < 0.005
 
 
 def test_a_stop_ends_parts_and_refuses_new_ones_until_it_is_released(live: Live) -> None:
