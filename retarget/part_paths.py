@@ -116,8 +116,7 @@ class PartPaths:
             stands: no human is followed: channels go back to the stand pose.
         """
         ticks = tick + np.arange(len(targets), dtype=float)
-        fades = self._fades(state)
-        led = np.flatnonzero(state.part_until + fades + _SETTLE_S * self._rate > tick)
+        fades, led = self._fades(state), np.flatnonzero(self.led(state, tick))
         if not len(led):
             return targets
         targets = targets.copy()
@@ -127,9 +126,9 @@ class PartPaths:
             targets[:, channel] = (1.0 - back) * self._path(state, channel, ticks) + back * base
         return targets
 
-    def leads(self, state: RetargetState, tick: float) -> bool:
-        """Whether a joint follows a path from a tick on, under way or held."""
-        return bool((state.part_until + self._fades(state) + _SETTLE_S * self._rate > tick).any())
+    def led(self, state: RetargetState, tick: float) -> NDArray[np.bool_]:
+        """Which channels follow a path from a tick on, under way or held, (C,)."""
+        return np.asarray(state.part_until + self._fades(state) + _SETTLE_S * self._rate > tick, dtype=np.bool_)
 
     def moves(self, state: RetargetState, tick: float) -> bool:
         """Whether a joint is under way to its goal, or back from it, at a tick or soon after it."""

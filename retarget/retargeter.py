@@ -232,6 +232,9 @@ class Retargeter:
         qd, qdd, torque = self.torques.of(now, schedule, base, q)
         checkpoint()
         upper = slice(len(POSTURE), None)
+        hand_error = self._hand_error(view, q, arms)
+        led = self.parts.led(now, tick)[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
+        hand_error[:, led] = np.nan  # such a hand does not follow the human's
         rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:
@@ -254,7 +257,7 @@ class Retargeter:
             dcm=dcm,
             load_share=schedule.share,
             states=resume_states(self.layout, vector, walk, body, view, self.rate),
-            hand_error=self._hand_error(view, q, arms),
+            hand_error=hand_error,
             repairs={
                 "position": outside.sum(axis=1) + (short > _MISSING_LEG),
                 "speed": slow[:, upper].sum(axis=1),

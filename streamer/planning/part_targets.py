@@ -146,7 +146,8 @@ class PartTargets:
 
     def leads(self, plan: Plan) -> bool:
         """Whether a part is led in a plan, under way or held."""
-        return self._retargeter.parts.leads(self._retargeter.layout.view(plan.states[0].copy()), plan.start_tick)
+        state = self._retargeter.layout.view(plan.states[0].copy())
+        return bool(self._retargeter.parts.led(state, plan.start_tick).any())
 
     def moves(self, plan: Plan, tick: int) -> bool:
         """Whether a part is under way in a plan, at a tick or soon after it."""
