@@ -46,6 +46,7 @@ class Gateway(Strict):
         other_priority: of all other sources.
         lease_s: an operator who sends nothing for this long holds the lease no longer.
         velocity_holds_s: a velocity without a time to live of its own holds this long.
+        part_holds_s: a hand, a look or a joint without a time to live of its own is held this long.
         take_up_s: a target that no plan follows within this time is dropped.
         coalesce_s: targets that come faster than one in this time are reduced to the newest; two may come at once.
         most_bytes: longest message.
@@ -67,6 +68,7 @@ class Gateway(Strict):
     other_priority: int = 0
     lease_s: float = Field(default=10.0, gt=0)
     velocity_holds_s: float = Field(default=0.5, gt=0)
+    part_holds_s: float = Field(default=10.0, gt=0)
     take_up_s: float = Field(default=5.0, gt=0)
     coalesce_s: float = Field(default=0.005, ge=0, le=1)
     most_bytes: int = Field(default=4096, ge=512, le=65536)

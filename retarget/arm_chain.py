@@ -60,6 +60,11 @@ class ArmPoses:
         """See the class."""
         return self.upper_jacobian if self._fore_segment is self._upper_segment else self._fore_segment.jacobian()
 
+    @cached_property
+    def hand_jacobian(self) -> Float:
+        """Derivatives of the hands by the joints of their arm, (..., 2, m, 3) [m/rad]; see the class."""
+        return self._fore_segment.end_jacobian()
+
 
 @dataclass(frozen=True)
 class _Segment:
@@ -87,6 +92,12 @@ class _Segment:
         along = end - begin
         length = np.sqrt((along * along).sum(axis=0))
         return cls(along, length, along / length, end, axes, anchors, first, last)
+
+    def end_jacobian(self) -> Float:
+        """Derivatives of the end of a segment that all joints move, (..., 2, m, 3) [m/rad]."""
+        out = _cross(self.axes, self.end[:, None] - self.anchors)
+        by_joint: Float = out.transpose(*range(2, out.ndim), 1, 0)
+        return by_joint
 
     def jacobian(self) -> Float:
         """Derivatives of the unit vector, (..., 2, m, 3) [1/rad]."""

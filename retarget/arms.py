@@ -96,6 +96,10 @@ class UpperBody:
             out[:, column] = np.clip(gaze[role], self.robot.lower[index], self.robot.upper[index])
         return out, targets
 
+    def head_sign(self, role: str) -> float:
+        """Sign of a head joint, `pan` or `tilt`, against turning left or looking down."""
+        return self._head_signs[role]
+
     def _of_arms(self, angles: Float) -> Float:
         """The arms' part of angles of `self.joints`, (..., U) -> (..., 2, m)."""
         return angles[..., : self.arms.size].reshape(*angles.shape[:-1], *self.arms.shape)

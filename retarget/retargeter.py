@@ -28,6 +28,8 @@ from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
+from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
+from flexmotion.retarget.part_solver import PartSolver
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
@@ -68,6 +70,10 @@ class Retargeter:
         self.follower = posture.follower(robot, self.body)
         first = len(POSTURE)
         self.guard = ArmGuard(robot, self.body.upper.chain, first, float(self.follower.omega[first]))
+        self.parts = PartPaths(
+            self.follower, np.concatenate([np.zeros(first), robot.stand_pose[self.body.upper.joints]])
+        )
+        self.solver = PartSolver(robot, self.body.upper, self.guard.distance)
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
@@ -127,6 +133,7 @@ class Retargeter:
         *,
         horizon: int | None = None,
         exact: bool = False,
+        parts: PartGoals = NO_PARTS,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> Plan:
         """The plan that starts at `tick`.
@@ -138,6 +145,7 @@ class Retargeter:
             tick: loop tick of the first row.
             horizon: most rows that may follow the human; the settings' where not given.
             exact: the feet turn to where a standing human looks by small steps too.
+            parts: where joints of arms and head are to be, whatever the human does.
             checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
@@ -145,7 +153,7 @@ class Retargeter:
             `effort_limit`, the motion is eased until the plan needs no more than that of the servos' envelope.
         """
         allowed = self.settings.effort_limit
-        whole = partial(self._draft, state, tick=tick, horizon=horizon, exact=exact, checkpoint=checkpoint)
+        whole = partial(self._draft, state, tick=tick, horizon=horizon, exact=exact, parts=parts, checkpoint=checkpoint)
         if allowed is None or motion is None:
             return whole(motion, first_frame, WHOLE)
         now = self.layout.view(state.copy())
@@ -178,11 +186,13 @@ class Retargeter:
         tick: int,
         horizon: int | None,
         exact: bool,
+        parts: PartGoals,
         checkpoint: Callable[[], None],
     ) -> Plan:
         """The plan at one ease; arguments of `plan`."""
         vector = state.copy()
         now = self.layout.view(vector)
+        self.parts.update(now, parts, tick)
         view = view_human(
             now,
             motion,
@@ -206,6 +216,7 @@ class Retargeter:
         com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
         targets, arms = self._targets(now, view, walk.schedule, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
+        targets = self.parts.lead(now, targets, tick, stands=view is None)
         follow = partial(self.follower.slowed(ease.pace).follow, position=now.position, velocity=now.velocity)
         followed = follow(targets)
         base, q, offset, short = self.body.solve(schedule.feet, com, followed[0], now.com_offset)
@@ -221,6 +232,9 @@ class Retargeter:
         qd, qdd, torque = self.torques.of(now, schedule, base, q)
         checkpoint()
         upper = slice(len(POSTURE), None)
+        hand_error = self._hand_error(view, q, arms)
+        led = self.parts.led(now, tick)[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
+        hand_error[:, led] = np.nan  # such a hand does not follow the human's
         rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:
@@ -243,7 +257,7 @@ class Retargeter:
             dcm=dcm,
             load_share=schedule.share,
             states=resume_states(self.layout, vector, walk, body, view, self.rate),
-            hand_error=self._hand_error(view, q, arms),
+            hand_error=hand_error,
             repairs={
                 "position": outside.sum(axis=1) + (short > _MISSING_LEG),
                 "speed": slow[:, upper].sum(axis=1),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,24 @@ class Follower:
             return self
         return replace(self, speed=pace * self.speed, acceleration=pace**2 * self.acceleration)
 
+    def passing(self, places: Float, channel: int) -> Float:
+        """Targets for which a channel's positions are given ones, within its bounds, (T,).
+
+        Args:
+            places: positions after each row, and before them those of the two rows before the first, (T + 2,).
+        """
+        keep, pull = self._gains(self.omega[channel])
+        speeds = np.diff(places) / self.dt
+        targets: Float = places[1:-1] + (speeds[1:] - keep * speeds[:-1]) / pull
+        return targets
+
+    def _gains(self, omega: Any) -> tuple[Any, Any]:
+        """Share of the speed that stays in a tick, and what a distance from the target adds to it [-, 1/s]."""
+        # Implicit Euler of x'' = w² (r - x) - 2 w x': stable for any step.
+        gain = omega**2 * self.dt
+        divisor = 1.0 + 2.0 * omega * self.dt + gain * self.dt
+        return 1.0 / divisor, gain / divisor
+
     def follow(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float, Float, Float]:
         """Run over the rows of `targets` (T, C) from a position and velocity (C,).
 
@@ -42,10 +61,7 @@ class Follower:
         """
         rows = targets.shape
         positions, velocities, wishes, bounds = (np.empty(rows) for _ in range(4))
-        # Implicit Euler of x'' = w² (r - x) - 2 w x': stable for any step.
-        gain = self.omega**2 * self.dt
-        divisor = 1.0 + 2.0 * self.omega * self.dt + gain * self.dt
-        keep, pull = 1.0 / divisor, gain / divisor
+        keep, pull = self._gains(self.omega)
         reach, slowest = self.acceleration * self.dt, -self.speed
         x, v, part = position, velocity, np.empty(rows[1])
         # In place: thousands of calls on a dozen numbers, where each new array costs as much as the sum.

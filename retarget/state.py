@@ -61,6 +61,20 @@ class RetargetState(Record):
     """Pace of the human's clock and size of its motion with which the next plan begins; 1 and 1: nothing is eased."""
     drift: Float = column("f8")
     """Turn of the robot beyond its plans that `heading` takes account of [rad]; NaN before the first human frame."""
+    part: Float = column("f8", "channels")
+    """Number of the goal whose path each channel follows; 0: none. See `part_paths.PartPaths`."""
+    part_from: Float = column("f8", "channels")
+    """Where that path begins [rad]."""
+    part_speed: Float = column("f8", "channels")
+    """Speed at its begin [rad/s]."""
+    part_to: Float = column("f8", "channels")
+    """The goal [rad]."""
+    part_begins: Float = column("f8", "channels")
+    """Tick at which it begins."""
+    part_due: Float = column("f8", "channels")
+    """Tick at which it is at the goal."""
+    part_until: Float = column("f8", "channels")
+    """Tick until which it holds."""
 
 
 @dataclass(frozen=True)
@@ -99,5 +113,6 @@ class StateLayout:
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
         state.ease[...] = 1.0
+        state.part_until[...] = -np.inf
         state.drift[...] = np.nan
         return vector

@@ -28,6 +28,8 @@ def answer_line(answer: Answer) -> str:
         parts.append(f"heard as {answer.heard_as}" + (f" ({100 * sure:.0f} % sure)" if sure < _SURE else ""))
     if answer.slowed is not None:
         parts.append(f"slowed to {answer.slowed}")
+    if answer.moved is not None:
+        parts.append(f"moved to {answer.moved}")
     if answer.dropped:
         parts.append(f"not done: {', '.join(answer.dropped)}")
     parts += answer.notes or ()

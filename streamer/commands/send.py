@@ -13,6 +13,7 @@ from flexmotion.streamer.commands.answer_text import answer_line, status_lines, 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.part_options import PartOptions
 from flexmotion.streamer.commands.run_address import RunAddress, StopAddress
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def _present(answer: Answer, as_json: bool) -> None:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
         print_result(answer_line(answer))
-    if answer.state not in ("accepted", "slowed"):
+    if answer.state not in ("accepted", "slowed", "moved"):
         raise typer.Exit(CHECK_FAILED)
 
 
@@ -58,7 +59,12 @@ def send(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", metavar="M", help="How near a waypoint is near enough \\[m].", show_default="0.1"),
+        typer.Option(
+            "--tolerance",
+            metavar="M",
+            help="How near a waypoint, or a hand, is near enough \\[m].",
+            show_default="0.1, a hand: 0.05",
+        ),
     ] = None,
     turning: Annotated[
         float | None,
@@ -90,12 +96,14 @@ def send(
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
     ] = None,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
+    part: PartOptions,
     run: RunAddress,
 ) -> None:
     """Send a target to a run and print what it heard; exit code 1 where it is not done.
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
-    robot has arrived, by its own odometry. While a joint is limp the robot stands and follows no target.
+    robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
+    of the body does, and back to it after --for, or 10 s. While a joint is limp the robot stands and follows no target.
 
     [bold]Examples[/bold]
 
@@ -106,6 +114,10 @@ def send(
       flexmotion send --heading 90
 
       flexmotion send --waypoint 1 .5 --heading 180
+
+      flexmotion send --hand right .15 -.1 .2 --in 1
+
+      flexmotion send --look 1 .5 .2 --for 5
 
       flexmotion send --limp l_el,l_sho_pitch
     """
@@ -120,12 +132,16 @@ def send(
         "--limp": limp,
         "--stiff": stiff,
         "--reboot": reboot,
+        **part.given,
     }
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) != 1:
         raise typer.BadParameter(f"expected one of {', '.join(given)}; found {' and '.join(chosen) or 'none'}")
-    if tolerance is not None and waypoint is None:
-        raise typer.BadParameter("--tolerance is that of a --waypoint")
+    if tolerance is not None and waypoint is None and part.hand is None:
+        raise typer.BadParameter("--tolerance is that of a --waypoint or a --hand")
+    moved = {name for name, value in part.given.items() if value is not None} - {"--relax"}
+    if part.in_s is not None and not moved:
+        raise typer.BadParameter("--in is that of a --hand, --point, --look or --joint")
     if turning is not None and turn is None:
         raise typer.BadParameter("--turning is that of a --heading")
     radians = None if heading is None else math.radians(heading)
@@ -142,6 +158,8 @@ def send(
         message = {"type": "clip", "clip": clip}
     elif hold:
         message = {"type": "hold"}
+    elif any(value is not None for value in part.given.values()):
+        message = part.message(tolerance)
     else:
         joints = limp or stiff or reboot or ""
         message = {"type": chosen[0].removeprefix("--"), "joints": joints.split(",")}

@@ -36,6 +36,7 @@ class Ticket:
         stops: it comes to a stop, whatever the source has.
         source_over: the source has nothing after it.
         sample_s, retarget_s: time that it took to get the human motion, and to retarget it [s].
+        leads: arms or head are led by a target in it: where it stops, they may still move.
         seen_ns: arrival of the newest frame of a mirrored person that it follows (`time.perf_counter_ns`); 0: none.
     """
 
@@ -50,7 +51,13 @@ class Ticket:
     source_over: bool
     sample_s: float
     retarget_s: float
+    leads: bool = False
     seen_ns: int = 0
+
+    @property
+    def halts(self) -> bool:
+        """Whether it is the answer to a stop: all of the robot comes to rest."""
+        return self.stops and not self.leads
 
 
 _TICKET = tuple(field.name for field in fields(Ticket))
@@ -68,6 +75,7 @@ class PlanHead(Record):
     partial: Bool = column("?")
     stops: Bool = column("?")
     source_over: Bool = column("?")
+    leads: Bool = column("?")
     sample_s: Float = column("f8")
     retarget_s: Float = column("f8")
     seen_ns: Int = column("i8")

@@ -51,7 +51,7 @@ class PlanIntake:
             The plan that begins on this tick.
         """
         began = None
-        if self.waiting is not None and state in _STANDING and must_stop and not self.waiting.ticket.stops:
+        if self.waiting is not None and state in _STANDING and must_stop and not self.waiting.ticket.halts:
             # Accepted before the stop was requested: a robot that stands does not start to walk after it.
             self.waiting = None
             self.plans.hold(self.playing, None)
@@ -92,7 +92,7 @@ class PlanIntake:
         return offer
 
     def _acceptable(self, offer: Offer, tick: int, state: State, must_stop: bool) -> bool:
-        """Whether a plan may be played: it resumes the plan that plays, is not late, and stops where it must."""
+        """Whether a plan may be played: it resumes the plan that plays, is not late, and halts where it must."""
         if state not in _PLAYING:
             return False
         if offer.plan.start_tick < tick:
@@ -100,4 +100,4 @@ class PlanIntake:
             self.telemetry.row.late_plans += 1
             return False
         playing = 0 if self.playing is None else self.playing.ticket.id
-        return offer.ticket.resumed == playing and (offer.ticket.stops or not must_stop)
+        return offer.ticket.resumed == playing and (offer.ticket.halts or not must_stop)

@@ -19,11 +19,13 @@ from flexmotion.streamer.gateway.connection import (
     answer_in,
     heading_content,
     kill_content,
+    part_content,
     text_content,
     velocity_content,
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.motion.part_intents import Side
 
 
 class AsyncClient(Messages):
@@ -76,6 +78,42 @@ class AsyncClient(Messages):
     ) -> Answer:
         """Walk to a place; see `Client.waypoint`."""
         return await self.ask(waypoint_content(x, y, heading, tolerance_m, ttl_s))
+
+    async def hand(
+        self,
+        side: Side,
+        x: float,
+        y: float,
+        z: float,
+        *,
+        in_s: float | None = None,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """See `Client.hand`."""
+        return await self.ask(
+            part_content("hand", in_s, ttl_s, side=side, position_m=[x, y, z], tolerance_m=tolerance_m)
+        )
+
+    async def point(
+        self, side: Side, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
+    ) -> Answer:
+        """See `Client.point`."""
+        return await self.ask(part_content("point", in_s, ttl_s, side=side, direction=[x, y, z]))
+
+    async def look(
+        self, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
+    ) -> Answer:
+        """See `Client.look`."""
+        return await self.ask(part_content("look", in_s, ttl_s, direction=[x, y, z]))
+
+    async def joint(self, joint: str, angle: float, *, in_s: float | None = None, ttl_s: float | None = None) -> Answer:
+        """See `Client.joint`."""
+        return await self.ask(part_content("joint", in_s, ttl_s, joint=joint, angle_rad=angle))
+
+    async def relax(self, part: str = "all") -> Answer:
+        """See `Client.relax`."""
+        return await self.ask({"type": "relax", "part": part})
 
     async def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:
         """Follow a clip that the run was started with, by its name."""

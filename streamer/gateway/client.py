@@ -27,11 +27,13 @@ from flexmotion.streamer.gateway.connection import (
     answer_in,
     heading_content,
     kill_content,
+    part_content,
     text_content,
     velocity_content,
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.motion.part_intents import Side
 
 
 class Client(Messages):
@@ -86,6 +88,38 @@ class Client(Messages):
         The answer comes when it sets out; `status()["following"]["end"]` says when it has arrived.
         """
         return self.ask(waypoint_content(x, y, heading, tolerance_m, ttl_s))
+
+    def hand(
+        self,
+        side: Side,
+        x: float,
+        y: float,
+        z: float,
+        *,
+        in_s: float | None = None,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """Bring a hand to a place in the trunk's frame [m] in a time [s], and hold it there; see `HandMessage`."""
+        return self.ask(part_content("hand", in_s, ttl_s, side=side, position_m=[x, y, z], tolerance_m=tolerance_m))
+
+    def point(
+        self, side: Side, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
+    ) -> Answer:
+        """Point with an arm into a direction in the trunk's frame; see `PointMessage`."""
+        return self.ask(part_content("point", in_s, ttl_s, side=side, direction=[x, y, z]))
+
+    def look(self, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None) -> Answer:
+        """Look into a direction in the trunk's frame; see `LookMessage`."""
+        return self.ask(part_content("look", in_s, ttl_s, direction=[x, y, z]))
+
+    def joint(self, joint: str, angle: float, *, in_s: float | None = None, ttl_s: float | None = None) -> Answer:
+        """Bring a joint of arms or head to an angle [rad]; see `JointMessage`."""
+        return self.ask(part_content("joint", in_s, ttl_s, joint=joint, angle_rad=angle))
+
+    def relax(self, part: str = "all") -> Answer:
+        """Let a part go, such as `left hand` or `head`, or all; see `RelaxMessage`."""
+        return self.ask({"type": "relax", "part": part})
 
     def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:
         """Follow a clip that the run was started with, by its name."""

@@ -176,6 +176,11 @@ def waypoint_content(
     return {"type": "waypoint", **place, "ttl_s": ttl_s}
 
 
+def part_content(kind: str, in_s: float | None, ttl_s: float | None, **fields: Any) -> dict[str, Any]:
+    """Fields of a message about a part of the body; see `part_messages.py`."""
+    return {"type": kind, **fields, "in_s": in_s, "ttl_s": ttl_s}
+
+
 def kill_content(confirm: str) -> dict[str, Any]:
     """Fields of a `KillMessage`."""
     return {"type": "kill", "confirm": confirm}

@@ -39,8 +39,11 @@ from flexmotion.streamer.gateway.messages import (
     decode,
     intent_of,
 )
+from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
+from flexmotion.streamer.motion.part_intents import PartIntent, Relax
+from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import RequestChannel
 
@@ -64,6 +67,8 @@ _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
+_WHOLE = "whole body"
+"""The part of targets that are none for a part."""
 
 
 class Desk:
@@ -107,11 +112,11 @@ class Desk:
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
         self._heard = heard.reader()
-        self._waiting: Asked | None = None  # the target that is sent when the interval of coalescing is over
+        self._waiting: dict[str, Asked] = {}  # by part: targets that are sent when the interval of coalescing is over
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
         self._sequences = Sequences(settings.lease_s)
-        self._sent_s = deque([-math.inf] * _AT_ONCE, maxlen=_AT_ONCE)
+        self._sent_s: dict[str, deque[float]] = {}  # by part
         self._holder: str | None = None
 
     @property
@@ -152,9 +157,8 @@ class Desk:
     def pump(self) -> None:
         """Send what waits, and answer what is decided."""
         now = time.perf_counter()
-        if self._waiting is not None and self._may_send(now):
-            waiting, self._waiting = self._waiting, None
-            self._send(waiting, now)
+        for part in [part for part in self._waiting if self._may_send(part, now)]:
+            self._send(self._waiting.pop(part), now)
         for heard in heard_since(self._heard):
             self._answered(heard)
         row = self._ticks.latest()  # before the events: those of its tick are among them
@@ -216,20 +220,24 @@ class Desk:
     def _holds_s(self, message: Message) -> float:
         if message.ttl_s is not None:
             return message.ttl_s
+        if isinstance(message, PartMessage):
+            return message.in_s + self.settings.part_holds_s
         return self.settings.velocity_holds_s if isinstance(message, VelocityMessage) else math.inf
 
     def _target(self, asked: Asked) -> None:
         asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
-        if self._waiting is not None:
-            self._reply(self._waiting, "superseded", "a newer target came within the interval of coalescing")
-            self._waiting = None
-        if self._may_send(asked.since_s):
+        part = _part_of(asked)
+        if part in self._waiting:
+            self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")
+        if self._may_send(part, asked.since_s):
             self._send(asked, asked.since_s)
         else:
-            self._waiting = asked
+            self._waiting[part] = asked
 
-    def _may_send(self, now: float) -> bool:
-        return now - self._sent_s[0] >= _AT_ONCE * self.settings.coalesce_s
+    def _may_send(self, part: str, now: float) -> bool:
+        """Whether the interval of coalescing is over for a part, or for the whole body."""
+        sent = self._sent_s.get(part)
+        return sent is None or len(sent) < _AT_ONCE or now - sent[0] >= _AT_ONCE * self.settings.coalesce_s
 
     def _send(self, asked: Asked, now: float) -> None:
         assert asked.intent is not None
@@ -239,7 +247,7 @@ class Desk:
         except ConfigError as error:
             self._reply(asked, "refused", str(error))
             return
-        self._sent_s.append(now)
+        self._sent_s.setdefault(_part_of(asked), deque(maxlen=_AT_ONCE)).append(now)
         asked.due_s = now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
         self.sources[target.id] = asked.message.source
@@ -261,7 +269,8 @@ class Desk:
 
     def _answered(self, heard: Heard) -> None:
         """Reply to a target; older ones that the planner has never seen are superseded."""
-        for number in [number for number in self._open if number < heard.id]:
+        part = _part_of(self._open[heard.id]) if heard.id in self._open else None
+        for number in [one for one, asked in self._open.items() if one < heard.id and _part_of(asked) == part]:
             # The planner looks at the newest target; one that it answers now is newer.
             if heard.state != "superseded":
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
@@ -279,9 +288,12 @@ class Desk:
             heard_as=heard.heard_as,
             certainty=None if heard.certainty is None else round(heard.certainty, 3),
             slowed=heard.slowed,
+            moved=heard.moved,
             dropped=heard.dropped or None,
             notes=heard.notes or None,
         )
+        if part != _WHOLE:
+            return
         if told.state in _FOLLOWED and asked.intent is not None:
             content = to_content(asked.intent)
             self.following = Following(asked.message.source, content, told, time.perf_counter(), asked.holds_s)
@@ -352,3 +364,11 @@ class Desk:
         """The newest row of the loop; None before the first."""
         row = self._ticks.latest()
         return None if row is None else TickRow(row)
+
+
+def _part_of(asked: Asked) -> str:
+    """The part of the body that a target is for: newer ones replace older ones of the same part."""
+    intent = None if asked.intent is None else part_of_words(asked.intent) or asked.intent
+    if not isinstance(intent, PartIntent):
+        return _WHOLE
+    return "relax" if isinstance(intent, Relax) else intent.part

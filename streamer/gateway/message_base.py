@@ -25,8 +25,8 @@ class MessageBase(BaseModel):
         sequence: number of the message among those of its source; one that does not ascend is refused.
         stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
             expired; without a stamp it counts from its arrival.
-        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity holds as long as
-            the stream settings say, all others until the next target.
+        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity, and a part of
+            the body, hold as long as the stream settings say, all others until the next target.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)

@@ -17,6 +17,14 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.problems import one_line
 from flexmotion.streamer.gateway.joint_messages import LimpMessage, RebootMessage, StiffMessage
 from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
+from flexmotion.streamer.gateway.part_messages import (
+    HandMessage,
+    JointMessage,
+    LookMessage,
+    PointMessage,
+    RelaxMessage,
+    part_intent_of,
+)
 from flexmotion.streamer.motion.intents import (
     CLOSEST_M,
     FARTHEST_M,
@@ -174,6 +182,11 @@ Message = (
     | VelocityMessage
     | HeadingMessage
     | WaypointMessage
+    | HandMessage
+    | PointMessage
+    | LookMessage
+    | JointMessage
+    | RelaxMessage
     | ClipMessage
     | HoldMessage
     | StopMessage
@@ -195,7 +208,7 @@ KINDS: dict[str, type[MessageBase]] = {
 
 MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
-AnswerState = Literal["accepted", "slowed", "partly", "superseded", "expired", "refused"]
+AnswerState = Literal["accepted", "slowed", "moved", "partly", "superseded", "expired", "refused"]
 
 
 class Answer(BaseModel):
@@ -204,14 +217,15 @@ class Answer(BaseModel):
     Attributes:
         id, source, sequence: of the message, as far as they could be read.
         asked: its type.
-        state: accepted: the robot does it from `tick` on. slowed: to what the robot can follow. partly: without what
-            `dropped` names. superseded: a newer target came before a plan followed it. expired: its time was over
-            before. refused: it is not done, for `reason`.
+        state: accepted: the robot does it from `tick` on. slowed: to what the robot can follow. moved: to the
+            nearest place in reach. partly: without what `dropped` names. superseded: a newer target came before a plan
+            followed it. expired: its time was over before. refused: it is not done, for `reason`.
         target: number of the target in the log.
         tick: of the loop, from which on it acts.
         heard_as: kinds of motion that the words were taken for, in the order in which they are done.
         certainty: share of that kind in what the listener heard, in [0, 1].
-        slowed: speeds that the human is slowed to, so that the robot keeps up.
+        slowed: speeds that the human is slowed to, so that the robot keeps up; of a part, when it is there.
+        moved: place, direction or angle that a part is moved to.
         dropped: parts that are not done.
         notes: what was taken for words that say no number.
         reason: why it is not done, or not as asked.
@@ -232,6 +246,7 @@ class Answer(BaseModel):
     heard_as: str | None = None
     certainty: float | None = None
     slowed: str | None = None
+    moved: str | None = None
     dropped: tuple[str, ...] | None = None
     notes: tuple[str, ...] | None = None
     reason: str | None = None
@@ -290,6 +305,8 @@ def intent_of(message: Message) -> Intent | None:
             return Waypoint(x, y, heading, tolerance)
         case HoldMessage():
             return Stop()
+        case HandMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
+            return part_intent_of(message)
     return None
 
 

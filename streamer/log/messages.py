@@ -9,6 +9,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
+from flexmotion.streamer.motion.part_intents import PARTS
 from flexmotion.streamer.motion.person_channel import PersonRow
 
 TICK, PLAN, TARGET, HEARD, EVENT, PERSON = "/tick", "/plan", "/target", "/heard", "/event", "/person"
@@ -116,10 +117,11 @@ HEARD_SCHEMA = {
         "at_s": {"type": ["number", "null"], "description": "followed from this time on [s]"},
         "tick": {"type": ["integer", "null"], "description": "followed from this tick on"},
         "asked": {"type": "string"},
-        "state": {"type": "string", "description": "accepted, slowed, partly, refused"},
+        "state": {"type": "string", "description": "accepted, slowed, moved, partly, refused"},
         "heard_as": {"type": ["string", "null"], "description": "kinds of motion"},
         "certainty": {"type": ["number", "null"], "description": "the listener's share of that kind"},
         "slowed": {"type": ["string", "null"]},
+        "moved": {"type": ["string", "null"], "description": "place, direction or angle that a part was moved to"},
         "dropped": {"type": "array", "items": {"type": "string"}},
         "reason": {"type": ["string", "null"]},
         "notes": {"type": "array", "items": {"type": "string"}},
@@ -140,6 +142,7 @@ TARGET_SCHEMA = {
             "items": {"type": "number"},
             "description": "forward, left [m/s], turning [rad/s]",
         },
+        **{word: {"type": "object", "description": f"fields of {kind.__name__}"} for word, kind in PARTS.items()},
         "holds_s": {"type": "number", "description": "the robot comes to a stand when the target is this old [s]"},
         "stop": {"type": "boolean", "description": "come to a stop"},
     },

@@ -14,6 +14,7 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
+from zstandard import ZstdError
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
@@ -127,7 +128,7 @@ def _read(path: Path, content: _Content) -> bool:
                 content.take(record)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (McapError, ValueError, KeyError, struct.error) as error:
+    except (McapError, ZstdError, ValueError, KeyError, struct.error) as error:
         raise ConfigError(f"{path}: damaged, or not a log of FlexMotion (an .mcap file, as --log writes it)") from error
     return whole
 

@@ -16,9 +16,10 @@ from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Int, Record, column
 from flexmotion.text.vocabulary import Quantity
 
-State = Literal["accepted", "slowed", "partly", "refused", "superseded", "expired"]
-"""accepted: as asked; slowed: to what the robot can follow; partly: without what `dropped` names; refused: not at all,
-for `reason`; superseded: another target came first; expired: it came too late."""
+State = Literal["accepted", "slowed", "moved", "partly", "refused", "superseded", "expired"]
+"""accepted: as asked; slowed: to what the robot can follow; moved: to the nearest place in reach; partly:
+without what `dropped` names; refused: not at all, for `reason`; superseded: another target came first; expired: it came
+too late."""
 
 End = Literal["done", "time limit", "superseded", "stopped"]
 """How a step ended: its amount was measured, its time limit came first, another target or a stop came first."""
@@ -86,6 +87,7 @@ class Heard(BaseModel):
         manner: in which they are done, in the same order; None: in the normal one.
         certainty: the least of its steps' certainties, in [0, 1].
         slowed: speeds that it was slowed to; None: not slowed.
+        moved: place, direction or angle that it was moved to; None: not moved.
         dropped: parts that are not done.
         reason: why it is refused, or stands still.
         notes: what was taken for words that say no number.
@@ -104,6 +106,7 @@ class Heard(BaseModel):
     manner: str | None = None
     certainty: float | None = None
     slowed: str | None = None
+    moved: str | None = None
     dropped: tuple[str, ...] = ()
     reason: str | None = None
     notes: tuple[str, ...] = ()
@@ -132,6 +135,8 @@ class Heard(BaseModel):
             parts.append(f"heard as {self.heard_as}, {self.manner}")
         if self.slowed is not None:
             parts.append(f"slowed to {self.slowed}")
+        if self.moved is not None:
+            parts.append(f"moved to {self.moved}")
         parts += [f"without {', '.join(map(repr, self.dropped))}"] if self.dropped else []
         parts += list(self.notes)
         return f"{self._request} is {'; '.join(parts)}" if parts else None

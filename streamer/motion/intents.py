@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.motion.intent_values import require_numbers, require_words
+from flexmotion.streamer.motion.part_intents import PARTS, Hand, JointAngle, Look, Point, Relax, part_from_content
 
 FASTEST = (3.0, 1.5, 3.0)
 """Greatest velocity that may be requested, in either direction: a run forward, a quick sidestep, half a turn a second
@@ -28,20 +30,6 @@ _EXPECTED_WAYPOINT = "waypoint: expected [x m, y m], [x, y, heading rad or null]
 _EXPECTED_VELOCITY = "velocity: expected [forward m/s, left m/s, turning rad/s]"
 
 
-def _require_words(word: str, value: Any, expected: str) -> None:
-    # In shared memory a NUL ends a text.
-    if not isinstance(value, str) or not value.strip() or "\0" in value:
-        raise ConfigError(f"{word}: expected {expected}, found {value!r}")
-
-
-def _require_numbers(expected: str, values: tuple[Any, ...], bound: float) -> None:
-    # In Python a bool is an int, but it is no measure.
-    for value in values:
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or abs(value) > bound:
-            raise ConfigError(f"{expected}, finite and within ±{bound:g}; found {value!r}")
-
-
 @dataclass(frozen=True)
 class Clip:
     """Follow a clip: its name in a library, or its file in a script. Raises `ConfigError` without a name."""
@@ -49,7 +37,7 @@ class Clip:
     name: str
 
     def __post_init__(self) -> None:
-        _require_words("clip", self.name, "a file or a name")
+        require_words("clip", self.name, "a file or a name")
 
 
 @dataclass(frozen=True)
@@ -59,7 +47,7 @@ class Text:
     text: str
 
     def __post_init__(self) -> None:
-        _require_words("text", self.text, "words that say what to do")
+        require_words("text", self.text, "words that say what to do")
         if not self.text.isprintable() or len(self.text) > LONGEST_TEXT:
             raise ConfigError(f"text: expected a line of {LONGEST_TEXT} characters at most, found {self.text[:80]!r}")
 
@@ -107,9 +95,9 @@ class Heading:
     turning: float | None = None
 
     def __post_init__(self) -> None:
-        _require_numbers(_EXPECTED_HEADING, (self.heading,), FARTHEST_RAD)
+        require_numbers(_EXPECTED_HEADING, (self.heading,), FARTHEST_RAD)
         if self.turning is not None:
-            _require_numbers(_EXPECTED_HEADING, (self.turning,), FASTEST[2])
+            require_numbers(_EXPECTED_HEADING, (self.turning,), FASTEST[2])
             if self.turning < SLOWEST_TURN:
                 raise ConfigError(f"{_EXPECTED_HEADING}, at {SLOWEST_TURN:g} rad/s or more, found {self.turning!r}")
 
@@ -133,10 +121,10 @@ class Waypoint:
     tolerance: float = 0.1
 
     def __post_init__(self) -> None:
-        _require_numbers(_EXPECTED_WAYPOINT, (self.x, self.y), FARTHEST_M)
+        require_numbers(_EXPECTED_WAYPOINT, (self.x, self.y), FARTHEST_M)
         if self.heading is not None:
-            _require_numbers(_EXPECTED_WAYPOINT, (self.heading,), FARTHEST_RAD)
-        _require_numbers(_EXPECTED_WAYPOINT, (self.tolerance,), LOOSEST_M)
+            require_numbers(_EXPECTED_WAYPOINT, (self.heading,), FARTHEST_RAD)
+        require_numbers(_EXPECTED_WAYPOINT, (self.tolerance,), LOOSEST_M)
         if self.tolerance < CLOSEST_M:
             raise ConfigError(f"{_EXPECTED_WAYPOINT}, a tolerance of {CLOSEST_M:g} m or more; found {self.tolerance!r}")
 
@@ -146,7 +134,7 @@ class Stop:
     """Come to a balanced stop."""
 
 
-Intent = Clip | Text | Velocity | Heading | Waypoint | Stop
+Intent = Clip | Text | Velocity | Heading | Waypoint | Stop | Hand | Point | Look | JointAngle | Relax
 Goal = Heading | Waypoint
 """An intent that ends by itself, where the robot has arrived by its own odometry."""
 
@@ -157,6 +145,7 @@ WORDS: dict[str, type[Intent]] = {
     "heading": Heading,
     "waypoint": Waypoint,
     "stop": Stop,
+    **PARTS,
 }
 
 
@@ -180,6 +169,8 @@ def to_content(intent: Intent) -> dict[str, Any]:
             value = [x, y, heading, tolerance]
         case Stop():
             value = True
+        case Hand() | Point() | Look() | JointAngle() | Relax():
+            value = intent.content()
     return {word_of(intent): value}
 
 
@@ -194,6 +185,8 @@ def words_of(intent: Intent) -> str:
             return f"velocity {[forward, left, turning]}"
         case Heading() | Waypoint():
             return goal_text(intent)
+        case Hand() | Point() | Look() | JointAngle() | Relax():
+            return str(intent)
     return "stop"
 
 
@@ -230,6 +223,8 @@ def from_content(content: Mapping[str, Any]) -> Intent:
         if not isinstance(value, list | tuple) or not 2 <= len(value) <= 4:
             raise ConfigError(f"{_EXPECTED_WAYPOINT}, found {value!r}")
         return Waypoint(*value)
+    if word in PARTS:
+        return part_from_content(word, value)
     if word == "stop":
         if value is not True:
             raise ConfigError(f"stop: expected true, found {value!r}")

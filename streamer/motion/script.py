@@ -22,6 +22,7 @@ import yaml
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import not_yaml
 from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, from_content, word_of
+from flexmotion.streamer.motion.part_intents import PartIntent
 
 _ITEM = (
     "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | heading: RAD | waypoint: [x, y] | clip: FILE | stop: true}"
@@ -71,6 +72,8 @@ def check_script(items: Sequence[Item]) -> None:
 
 def _check_order(where: str, item: Item, before: list[Item]) -> None:
     """Raise `ConfigError` if an item may not follow the ones before it."""
+    if isinstance(item.intent, PartIntent):
+        raise ConfigError(f"{where}: {word_of(item.intent)} is sent to a run (flexmotion send); expected {_ITEM}")
     if not before:
         if item.at != 0 or isinstance(item.intent, Stop):
             raise ConfigError(f"{where}: a script starts with something to do at: 0, expected {_ITEM}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from dataclasses import dataclass
@@ -14,8 +15,10 @@ from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Float, Int, Record, column
 from flexmotion.streamer.motion.intents import WORDS, Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
+from flexmotion.streamer.motion.part_intents import PARTS, Hand, JointAngle, Look, Point, Relax, part_from_content
 
 _TEXT_BYTES = 240
+_PART_BYTES = 480
 _KEPT = 64
 _KINDS = tuple(WORDS)
 
@@ -34,6 +37,8 @@ class TargetRow(Record):
     goal: Float = column("f8", 4)
     """Of a heading: heading [rad], fastest turning [rad/s]; of a waypoint: x, y [m], heading [rad], tolerance [m]. NaN
     where none is said."""
+    part: Any = column(f"S{_PART_BYTES}")
+    """Of an intent for a part of the body: its fields as JSON, whose numbers come back bit by bit."""
     holds_s: Float = column("f8")
     """See `Target`; infinite where it holds until the next one."""
     take_up_s: Float = column("f8")
@@ -138,6 +143,8 @@ class TargetSender:
                     row.goal[:2] = heading, _or_nan(turning)
                 case Waypoint(x, y, heading, tolerance):
                     row.goal[...] = x, y, _or_nan(heading), tolerance
+                case Hand() | Point() | Look() | JointAngle() | Relax():
+                    row.part[...] = json.dumps(intent.content(), ensure_ascii=False).encode()
             row.holds_s[...], row.take_up_s[...] = holds_s, take_up_s
             target = Target(self._next_id(), time.perf_counter_ns(), intent, holds_s, take_up_s)
             row.id[...], row.stamp_ns[...] = target.id, target.stamp_ns
@@ -201,6 +208,8 @@ def _intent(row: TargetRow) -> Intent:
         return Waypoint(x, y, _or_none(row.goal[2]), tolerance)
     if kind == "stop":
         return Stop()
+    if kind in PARTS:
+        return part_from_content(kind, json.loads(row.part.item()))
     return Clip(text) if kind == "clip" else Text(text)
 
 

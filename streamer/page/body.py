@@ -68,6 +68,8 @@ def page_robot(robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str
             for mesh in geom_meshes(robot.model)
         ],
         "soles_m": np.round(2.0 * robot.sole_half_size, 4).tolist(),
+        "trunk": int(robot.torso_id),
+        "hands": _hands(robot),
         "points": POINTS,
         "bones": BONES,
         "pace": [pace.ahead, pace.back, pace.aside, pace.turning],
@@ -76,6 +78,13 @@ def page_robot(robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str
         "temperature_margin": robot.safety.thermal_margin,
         "voltage_min": robot.safety.voltage_min,
     }
+
+
+def _hands(robot: Robot) -> list[dict[str, Any]]:
+    """Body and point of the left and the right hand; empty where the robot file names none."""
+    hands = robot.config.hands
+    found = [] if hands is None else [hands.left, hands.right]
+    return [{"body": int(robot.model.body(hand.body).id), "point": list(hand.point)} for hand in found]
 
 
 def _packed(values: Any, kind: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.plan_buffer import Ticket
@@ -64,6 +65,14 @@ class MadePlans:
         if current is not None:
             join = max(join, current.start_tick + (self._commit_ticks if redraws else 1))
         return join, resumed, current
+
+    def pose(self, row: TickRow, tick: int) -> NDArray[np.float64] | None:
+        """All joint angles as planned at a tick, (n,) [rad]; None before the first plan."""
+        plan = self.plan(self.playing_at(tick, row))
+        if plan is None:
+            return None
+        angles: NDArray[np.float64] = plan.q[min(max(tick - plan.start_tick, 0), len(plan) - 1)]
+        return angles
 
     def start_of(self, row: TickRow, target: int) -> int:
         """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.part_paths import NO_PARTS, PartGoals
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.view import begin_human, follow_drift
@@ -57,6 +58,7 @@ class Planner:
         stop: bool = False,
         partial: bool = False,
         exact: bool = False,
+        parts: PartGoals = NO_PARTS,
         drift: float = np.nan,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
@@ -68,6 +70,7 @@ class Planner:
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
             exact: the feet turn to where the human looks by small steps too.
+            parts: see `Retargeter.plan`.
             drift: how far the robot has turned beyond its plans, up to a constant [rad]; NaN: not known.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
@@ -100,7 +103,9 @@ class Planner:
             motion = take_over(current.human, current.human_first_frame, motion, first, self._blend_frames)
         state = state.copy()
         follow_drift(retargeter.layout.view(state), drift)
-        plan = retargeter.plan(state, motion, first, join, horizon=horizon, exact=exact, checkpoint=checkpoint)
+        plan = retargeter.plan(
+            state, motion, first, join, horizon=horizon, exact=exact, parts=parts, checkpoint=checkpoint
+        )
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is the source's end only if the plan has followed all of it.

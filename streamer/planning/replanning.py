@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.retarget.part_paths import STOPPED_PARTS
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
@@ -27,6 +28,7 @@ from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.mirroring import Mirroring
+from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_turns import SourceTurns
@@ -73,6 +75,7 @@ class Replanner:
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
         self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
+        self.parts = PartTargets(planner.retargeter, self._publish, lambda message: self.on_note(message))
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -80,6 +83,7 @@ class Replanner:
             rate_hz=planner.rate,
             change_s=settings.change_s,
             lockstep=lockstep,
+            on_part=self.parts.take,
         )
         self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
@@ -129,6 +133,9 @@ class Replanner:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
         self._answer_eased()
+        pose = self._made.pose(row, tick)
+        stand = self.planner.retargeter.robot.stand_pose
+        self.parts.update(row, tick - early, self.ledger.now_s(), stand if pose is None else pose)
         if self._mirroring is not None:
             self._mirroring.update(tick)
         if not self._due(row, target):
@@ -162,6 +169,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
+                parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
                 drift=self._drift.value,
                 checkpoint=partial(self._check_urgency, kind, target, new),
                 settle=None if self._lockstep else settle,
@@ -181,6 +189,7 @@ class Replanner:
             effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
+            leads=self.parts.leads(planned.plan),
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
@@ -189,6 +198,7 @@ class Replanner:
         if self._mirroring is not None:
             self._mirroring.planned()
         self._made.add(ticket, planned.plan, int(row.plan))
+        self.parts.made(ticket.id, planned.plan, int(row.plan), tick)
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
         self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
@@ -240,7 +250,9 @@ class Replanner:
         a stand, wherever the robot is. Until a new target arrives the robot stands.
         """
         self.ledger.take(tick)
-        self.ledger.refuse_all("the planner was started again, and the robot does not stand yet")
+        reason = "the planner was started again, and the robot does not stand yet"
+        self.ledger.refuse_all(reason)
+        self.parts.refuse_all(reason)
         if not row.plan:
             self._succeeds = not row.ready
             return not self._succeeds
@@ -258,15 +270,15 @@ class Replanner:
             return False  # the loop has not examined the last one
         must_stop = bool(row.must_stop)
         if not plan:
-            halted = self.ledger.halted and not self._is_new(target, row)
+            halted = self.ledger.halted and not (self._is_new(target, row) or self.parts.wants(0, int(row.tick) + 1))
             return bool(row.ready and not row.pending and not must_stop and not halted)
         last = int(row.pending) or plan
         if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
             return False
         ticket = self._made.ticket(last)
         if must_stop:
-            return not (ticket.stops or row.plan_over)
-        if self._is_new(target, row):
+            return not (ticket.halts or row.plan_over)
+        if self._is_new(target, row) or self._parts_due(row, last):
             return True
         if self.ledger.halted:
             return not (ticket.stops or ticket.source_over or row.plan_over)
@@ -288,6 +300,17 @@ class Replanner:
             return tick >= self._asked_tick + self._replan_ticks
         unplayed = playing.start_tick + playing.stop_row - tick
         return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
+
+    def _parts_due(self, row: TickRow, last: int) -> bool:
+        """Whether arms or head ask for a plan: one that knows all they are to do, or goes on with it in a stand."""
+        tick = int(row.tick) + 1
+        if row.pending:
+            return False
+        if self.parts.wants(last, tick):
+            return True
+        plan = self._made.plan(last)
+        moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
+        return moves and tick >= self._asked_tick + self._replan_ticks
 
     def _is_new(self, target: Target, row: TickRow) -> bool:
         """Whether neither the plan that plays nor the one that waits follows this target."""

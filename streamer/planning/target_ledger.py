@@ -12,6 +12,8 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Velocity, words_of
+from flexmotion.streamer.motion.part_intents import PartIntent
+from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = {
@@ -25,6 +27,14 @@ _STOPPED = (
     "stopped: release the stop first; after a fault, wait until the torque is off, then clear it and arm the robot"
 )
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
+
+
+def ended_by(row: TickRow) -> str | None:
+    """Why no target is followed in the state of the loop; None: targets are followed."""
+    state = State(int(row.state))
+    if not (bool(row.must_stop) or state in _ENDED):
+        return None
+    return _ENDED.get(state, _LIMP if row.limp.any() else _STOPPED)
 
 
 @dataclass(frozen=True)
@@ -53,6 +63,8 @@ class TargetLedger:
         rate_hz: ticks a second.
         change_s: shortest time between two changes of what is followed [s]; a stop does not wait for it.
         lockstep: ages are counted in ticks, not by the clock.
+        on_part: is given the targets for one part of the body, which replace no others, and when each was sent, on the
+            ledger's clock [s].
 
     Attributes:
         halted: a stop was in force, or the time of the followed target is over: the robot comes to a stand, and stands
@@ -69,8 +81,9 @@ class TargetLedger:
         rate_hz: float,
         change_s: float,
         lockstep: bool,
+        on_part: Callable[[Target, float], None] = lambda _target, _born_s: None,
     ) -> None:
-        self.publish, self.on_note, self.halted = publish, on_note, False
+        self.publish, self.on_note, self.on_part, self.halted = publish, on_note, on_part, False
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
@@ -107,7 +120,7 @@ class TargetLedger:
         """
         if self.halted or isinstance(target.intent, Stop):
             return True
-        return self._now_s() - self._turned_s >= self._change_s
+        return self.now_s() - self._turned_s >= self._change_s
 
     def take(self, tick: int | None = None) -> None:
         """Take the targets that have arrived; of those that are still open the newest counts.
@@ -117,9 +130,12 @@ class TargetLedger:
         """
         self._tick = self._tick if tick is None else tick
         for target in self._inbox.read():
+            born_s = self._tick / self._rate_hz if self._lockstep else target.stamp_ns * 1e-9
+            if isinstance(target.intent, PartIntent) or part_of_words(target.intent) is not None:
+                self.on_part(target, born_s)
+                continue
             if self._open is not None:
                 self._publish(self._open, "superseded", "a newer target came before a plan followed it")
-            born_s = self._tick / self._rate_hz if self._lockstep else target.stamp_ns * 1e-9
             self._open = _Entry(target, born_s)
 
     def settle(self, row: TickRow, taken: int, start_of: Callable[[int], int]) -> None:
@@ -130,11 +146,12 @@ class TargetLedger:
             taken: newest target that a plan of the loop follows, or an accepted plan will.
             start_of: gives the first tick of the plan by which the loop follows a target.
         """
-        state, now_s = State(int(row.state)), self._now_s()
-        if bool(row.must_stop) or state in _ENDED:
+        state, now_s = State(int(row.state)), self.now_s()
+        ended = ended_by(row)
+        if ended is not None:
             # Before it is armed nothing has ended: the robot will follow what its run was started with.
             self.halted |= state is not State.OFF
-            self.refuse_all(_ENDED.get(state, _LIMP if row.limp.any() else _STOPPED))
+            self.refuse_all(ended)
             return
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:
@@ -169,7 +186,7 @@ class TargetLedger:
         self._before, self.halted = (self._turned_s, self.halted), False
         self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:
-            self._turned_s = self._now_s()
+            self._turned_s = self.now_s()
         if self._planned is not None and self._planned.target.id != target.id:
             self._publish(self._planned, "superseded", "a newer target came before its plan was played")
             self._planned = None
@@ -216,7 +233,8 @@ class TargetLedger:
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
         return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)
 
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
+        """The time on the ledger's clock [s]."""
         return self._tick / self._rate_hz if self._lockstep else time.perf_counter_ns() * 1e-9
 
     def _publish(self, entry: _Entry, fate: Fate | None, reason: str | None = None, tick: int | None = None) -> Heard:

@@ -20,6 +20,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import WORDS, Intent
+from flexmotion.streamer.motion.part_intents import PartIntent
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.run.parts import RunParts
@@ -168,7 +169,7 @@ class Session(RunParts):
             raise ConfigError(
                 f"target: {intent!r}, expected one of: {', '.join(one.__name__ for one in WORDS.values())}"
             )
-        if not isinstance(self.source, LiveSource):
+        if not isinstance(self.source, LiveSource) and not isinstance(intent, PartIntent):
             raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
         self._require_open()
         return self.targets.send(intent, holds_s=holds_s)

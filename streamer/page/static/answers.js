@@ -5,12 +5,12 @@ import { amount, plain } from "./words.js";
 const UNSURE = 0.7; // share of a kind of motion below which another one may have been meant
 const LONGEST = 160; // characters of a reason that is not folded
 const MARKS = {
-  accepted: ["accepted", "good"], slowed: ["accepted", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
+  accepted: ["accepted", "good"], slowed: ["accepted", "good"], moved: ["accepted", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
   refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], stopped: ["stopped", "warn"], wait: ["sent", "wait"],
   unsure: ["unsure", "warn"],
 };
 const ENDS = { done: "✓", "time limit": "not finished", superseded: "replaced", stopped: "stopped", expired: "too late" };
-const FOLLOWED = ["accepted", "slowed"];
+const FOLLOWED = ["accepted", "slowed", "moved"];
 
 // [words, kind] of the mark beside an entry.
 export function mark(entry) {
@@ -31,7 +31,7 @@ function outcome({ state, answer, text }) {
 
 // {steps: [{text, end, done}], notes: [text], problem, tries: [text], more: text} of an entry.
 export function told(entry, own) {
-  const { heard_as, certainty, slowed, dropped, notes, reason, steps = [] } = entry.answer;
+  const { heard_as, certainty, slowed, moved, dropped, notes, reason, steps = [] } = entry.answer;
   const found = { steps: [], notes: [], problem: "", tries: [], more: "" };
   if (reason) Object.assign(found, why(reason));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
@@ -44,6 +44,7 @@ export function told(entry, own) {
   }
   if (dropped?.length) found.notes.push(`not done: ${dropped.join(", ")}`);
   if (slowed) found.notes.push(`slowed to ${slowed}`);
+  if (moved) found.notes.push(`moved to ${moved}`);
   found.notes.push(...(notes ?? []));
   if (entry.source && entry.source !== own) found.notes.push(`by ${entry.source}`);
   return found;

@@ -6,7 +6,8 @@ import { made } from "./words.js";
 
 const SUGGESTIONS = ["walk forward", "wave", "turn left 90 degrees", "two steps back, then bow", "raise both arms"];
 const KEPT = 40, LISTED = 12;
-const FOLLOWED = ["accepted", "slowed", "partly"];
+const FOLLOWED = ["accepted", "slowed", "moved", "partly"];
+const DRAGGED = /^(left|right) hand to \[/;
 const HINT = "What should the robot do?";
 
 export class Asked {
@@ -74,11 +75,24 @@ export class Asked {
     }
   }
 
+  // Send a place of a hand that is dragged. All of one hand's, one after the other, are one entry.
+  async drag(message) {
+    const text = `${message.side} hand, dragged`;
+    let entry = this.entries[0]?.text === text ? this.entries[0] : null;
+    entry ??= this.add({ key: null, text, source: this.link.source, state: "wait", answer: {}, goal: true });
+    const { state, reason, moved, target } = await this.link.send(message);
+    if (state === "superseded") return;
+    Object.assign(entry, { state, answer: { reason, moved }, key: target ?? null });
+    this.show();
+  }
+
   // The answer to a target of anyone; a later version of one says how its steps ended.
   heard(message) {
     const key = message.id || `item ${message.item}`;
     const velocity = message.asked.match(/^velocity \[(.*)\]$/)?.[1].split(",").map(Number);
     if (velocity) return this.steered(message, key, velocity);
+    // Its own dragged hands are told by `drag`.
+    if (message.source === this.link.source && DRAGGED.test(message.asked)) return;
     // A run stands until somebody asks for something; nobody has typed that.
     if (message.item !== undefined && message.heard_as === "stand") return;
     let entry = this.entries.find((one) => one.key === key);

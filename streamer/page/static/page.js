@@ -3,6 +3,7 @@
 import { Asked } from "./asked.js";
 import { Curves } from "./curves.js";
 import { Floor } from "./floor.js";
+import { Hands } from "./hands.js";
 import { Link } from "./link.js";
 import { nextStep, Panel, whyNot } from "./panel.js";
 import { Scene } from "./scene.js";
@@ -21,7 +22,7 @@ const PICKED_UP = "Simulation: somebody picked the robot up and stood it up agai
 const PICKED_UP_MS = 6000;
 
 let fault = null; // what happened last, and what to do about it
-let robot = null, scene = null, floor = null, curves = null, status = {}, seen = 0;
+let robot = null, scene = null, floor = null, hands = null, curves = null, status = {}, seen = 0;
 
 const link = new Link({
   open: begin,
@@ -57,6 +58,7 @@ async function start() {
     scene.pickedUp = () => {};
   };
   floor = new Floor(element("scene"), scene, asked);
+  hands = new Hands(element("scene").parentElement, scene, asked);
   element("clips").hidden = !robot.clips.length;
   element("clip").replaceChildren(...robot.clips.map((name) => new Option(name)));
   for (const [id, name] of [["show-plan", "plan"], ["show-human", "human"], ["show-balance", "balance"]]) {
@@ -65,7 +67,7 @@ async function start() {
   link.connect();
   requestAnimationFrame(draw);
   setInterval(drawFigures, 200);
-  window.flexmotion = { scene, link, asked, floor };
+  window.flexmotion = { scene, link, asked, floor, hands };
 }
 
 function begin() {
@@ -84,6 +86,7 @@ function lost() {
   asked.strip.lost(scene?.time ?? 0);
   element("following").textContent = "";
   floor?.forget();
+  hands?.allow(false);
   stops.lost();
   panel.show("state", null);
   panel.show("lost", "No connection to the run", "What you see is old. STOP and EMERGENCY STOP go to a process of their own: press them all the same.");
@@ -136,6 +139,7 @@ function showStatus(now) {
   const reason = whyNot(now, other);
   asked.allow(reason);
   stick.allow(!reason);
+  hands?.allow(!reason);
   if (scene) scene.powered = !["OFF", "FAULT"].includes(now.state);
   if (reason) floor?.forget(); else floor?.show(now);
   const stands = ["READY", "STREAMING", "HOLD"].includes(now.state) && !now.cause;

@@ -42,6 +42,7 @@ export class Scene {
     this.addBalance();
     this.addPath();
     this.addMark();
+    this.addHandles();
     this.odometry = [NaN, NaN, NaN];
     this.powered = true; // whether its torque may be on
     this.pickedUp = () => {}; // called when somebody has set up a robot whose torque is off
@@ -166,6 +167,51 @@ export class Scene {
     this.world.add(this.marked);
   }
 
+  // A handle at each hand, and a ball where one is dragged to.
+  addHandles() {
+    const ball = (parent, colour, opacity) => {
+      const drawn = new THREE.Mesh(new THREE.SphereGeometry(0.03 * this.height, 20, 14), new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity, depthTest: false }));
+      drawn.renderOrder = 3;
+      parent.add(drawn);
+      return drawn;
+    };
+    this.handles = this.robot.hands.map(({ body, point }, side) => {
+      const handle = ball(this.measured.bodies[body], side ? RIGHT : LEFT, 0.45);
+      handle.position.set(...point);
+      return handle;
+    });
+    this.aimed = ball(this.world, "#00795c", 0.7);
+    this.aimed.visible = false;
+  }
+
+  // Distance of a pixel from the handle of a hand [pixels]; infinite where there is none.
+  handPixels(side, clientX, clientY) {
+    if (!this.handles[side] || !this.measured.root.visible || !this.renderer) return Infinity;
+    this.scene.updateMatrixWorld();
+    const seen = this.handles[side].getWorldPosition(new THREE.Vector3()).project(this.camera);
+    const box = this.canvas.getBoundingClientRect();
+    const [x, y] = [box.left + (0.5 + 0.5 * seen.x) * box.width, box.top + (0.5 - 0.5 * seen.y) * box.height];
+    return Math.hypot(clientX - x, clientY - y);
+  }
+
+  // Where a hand is dragged to by a pixel, in the trunk's frame [m]: as far from the eye as the hand is now. null: nowhere.
+  handAt(side, clientX, clientY) {
+    this.scene.updateMatrixWorld();
+    const hand = this.handles[side].getWorldPosition(new THREE.Vector3());
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(this.camera.getWorldDirection(new THREE.Vector3()), hand);
+    const hit = this.rayAt(clientX, clientY).intersectPlane(plane, new THREE.Vector3());
+    if (!hit) return null;
+    this.aim(this.world.worldToLocal(hit.clone()));
+    return this.measured.bodies[this.robot.trunk].worldToLocal(hit).toArray();
+  }
+
+  // Show where a hand is dragged to, a place in the drawn world; null: nowhere.
+  aim(place) {
+    this.aimed.visible = place !== null;
+    if (place) this.aimed.position.copy(place);
+    this.changed = true;
+  }
+
   // Colours of the page: light or dark.
   paint() {
     const style = getComputedStyle(document.documentElement);
@@ -207,14 +253,18 @@ export class Scene {
 
   // The place on the floor under a pixel, x and y in the drawn world [m]; null: there is none, or it is far away.
   floorAt(clientX, clientY) {
+    const hit = this.rayAt(clientX, clientY).intersectPlane(new THREE.Plane(new THREE.Vector3(0, 0, 1), 0), new THREE.Vector3());
+    if (!hit || hit.distanceTo(this.camera.position) > 14 * this.height) return null;
+    hit.sub(this.world.position);
+    return [hit.x, hit.y];
+  }
+
+  rayAt(clientX, clientY) {
     const box = this.canvas.getBoundingClientRect();
     const place = new THREE.Vector2((2 * (clientX - box.left)) / box.width - 1, 1 - (2 * (clientY - box.top)) / box.height);
     const ray = new THREE.Raycaster();
     ray.setFromCamera(place, this.camera);
-    const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 0, 1), 0), new THREE.Vector3());
-    if (!hit || hit.distanceTo(this.camera.position) > 14 * this.height) return null;
-    hit.sub(this.world.position);
-    return [hit.x, hit.y];
+    return ray.ray;
   }
 
   // A place in the drawn world as seen by the robot: ahead and left of its centre of mass [m]; NaN where it is unknown.

@@ -457,3 +457,32 @@ def test_stop_by_itself_is_a_target_as_before(make_office: Make) -> None:
     office = make_office()
     office.ask('{"type":"text","text":"stop"}')
     assert [target.intent for target in office.run.arrived()] == [Text("stop")]
+
+
+HAND = '{"type":"hand","side":"%s","position_m":[0.1,0.1,0],"id":"%s"}'
+
+
+def test_a_part_replaces_no_target_of_another_part_nor_of_the_body(make_office: Make, clock: Clock) -> None:
+    """A hand that is dragged must not drop the velocity that a stick sends beside it."""
+    office = make_office(coalesce_s=0.005)
+    office.ask(WALK)
+    for side, identity in (("left", "l1"), ("right", "r1"), ("left", "l2"), ("left", "l3")):
+        office.ask(HAND % (side, identity))
+    clock.now += 0.01
+    office.desk.pump()
+    arrived = office.run.arrived()
+    assert [type(target.intent).__name__ for target in arrived] == ["Velocity", "Hand", "Hand", "Hand"]
+    assert [answer.id for answer in office.told] == ["l2"] and office.states == ["superseded"]
+    for target in reversed(arrived):
+        office.run.answer(target.id)
+        office.desk.pump()
+    # The newest left hand supersedes the one before it, which the planner has not answered.
+    assert Counter(office.states) == {"accepted": 3, "superseded": 2}
+    assert office.desk.following is not None and "velocity" in office.desk.following.asked
+
+
+def test_a_part_holds_for_its_time_to_live_or_that_of_the_settings_after_it_is_there(make_office: Make) -> None:
+    office = make_office(part_holds_s=4.0)
+    office.ask(HAND % ("left", "l1"))
+    office.ask('{"type":"look","direction":[1,0,0],"in_s":1,"ttl_s":3}')
+    assert [target.holds_s for target in office.run.arrived()] == [4.5, 3.0]

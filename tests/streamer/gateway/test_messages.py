@@ -22,6 +22,7 @@ from flexmotion.streamer.gateway.messages import (
 )
 from flexmotion.streamer.gateway.schema import schema_text
 from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
 
@@ -39,6 +40,10 @@ WORDS = (
     .filter(lambda text: bool(text.strip()))
 )
 JOINTS = st.lists(st.from_regex(r"[a-zA-Z0-9_./-]{1,7}", fullmatch=True), min_size=1, max_size=8, unique=True)
+SIDE = st.sampled_from(["left", "right"])
+PLACE = st.tuples(*[st.floats(-2.0, 2.0)] * 3)
+DIRECTION = PLACE.filter(lambda direction: max(map(abs, direction)) > 0.01)
+TIMED = {"in_s": st.floats(0.0, 10.0), "ttl_s": st.none() | st.floats(10.5, 600.0)}
 OWN: dict[str, dict[str, Any]] = {
     **dict.fromkeys(("limp", "stiff", "reboot"), {"joints": JOINTS.map(tuple)}),
     "text": {"text": WORDS},
@@ -50,6 +55,11 @@ OWN: dict[str, dict[str, Any]] = {
         "heading_rad": st.none() | st.floats(-1e3, 1e3),
         "tolerance_m": st.floats(0.03, 1.0),
     },
+    "hand": {"side": SIDE, "position_m": PLACE, "tolerance_m": st.floats(0.0, 2.0), **TIMED},
+    "point": {"side": SIDE, "direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
+    "look": {"direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
+    "joint": {"joint": st.just("l_el"), "angle_rad": st.floats(-6.0, 6.0), **TIMED},
+    "relax": {"part": st.sampled_from(["all", "left hand", "right hand", "head", "joint l_el"])},
     "kill": {"confirm": st.just("the robot will fall")},
 }
 
@@ -157,7 +167,18 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
         1, 0, -3, 0.2
     )
     assert intent('{"type":"heading","heading_rad":1.5,"turning_rad_s":0.3}') == Heading(1.5, 0.3)
+    hand = '{"type":"hand","side":"left","position_m":[0.1,0.2,0],"in_s":1,"tolerance_m":0.02}'
+    assert intent(hand) == Hand("left", (0.1, 0.2, 0.0), 1.0, 0.02)
+    assert intent('{"type":"point","side":"right","direction":[1,0,0]}') == Point("right", (1.0, 0.0, 0.0))
+    assert intent('{"type":"look","direction":[1,1,0]}') == Look((1.0, 1.0, 0.0))
+    assert intent('{"type":"joint","joint":"l_el","angle_rad":0.5}') == JointAngle("l_el", 0.5)
+    assert intent('{"type":"relax"}') == Relax("all")
     assert intent('{"type":"arm"}') is None
+
+
+def test_a_part_that_is_let_go_before_it_is_there_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"ttl_s: 0.4 s, expected more than in_s, 0.5 s"):
+        decode(b'{"type":"look","direction":[1,0,0],"ttl_s":0.4}')
 
 
 def test_the_schema_in_the_documents_is_that_of_the_messages() -> None:

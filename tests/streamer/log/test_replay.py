@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace as changed
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.run.requests import Request
 
@@ -86,3 +89,25 @@ def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -
     asked = [Event(40, "request", "LIMP l_el,head_pan"), Event(90, "request", "STOP"), Event(91, "request", "of old")]
     made = _requests(changed(log, events=asked))
     assert made == [(40, Request.LIMP, "l_el,head_pan"), (90, Request.STOP, "")]
+
+
+def test_targets_for_hands_and_head_are_followed_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+    made = logged_session(tmp_path / "parts.mcap")
+    session = made.session
+    asked = {200: Hand("left", (0.12, 0.12, 0.05), 0.7), 230: Look((1.0, 0.3, -0.2)), 260: JointAngle("r_el", 0.6)}
+
+    def operate() -> Request | None:
+        tick = 0 if session.loop is None else session.loop.tick_count
+        if tick in asked:
+            session.targets.send(asked.pop(tick), holds_s=2.0)
+        return Request.END if tick == 400 else None
+
+    session.next_request = operate
+    session.run()
+    log = read_log(made.path)
+    assert [next(word for word in ("hand", "look", "joint") if word in one) for one in log.targets] == [
+        "hand",
+        "look",
+        "joint",
+    ]
+    assert replay(log, Subject.of(log)).differing == []

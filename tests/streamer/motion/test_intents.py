@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -24,11 +25,16 @@ from flexmotion.streamer.motion.intents import (
     to_content,
     word_of,
 )
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.targets import TargetMailbox
 
 _WORDS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1).filter(str.strip)
 _LINES = st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" "), min_size=1, max_size=100).filter(
     str.strip
 )
+_SIDES = st.sampled_from(["left", "right"])
+_PLACES = st.tuples(*[st.floats(-2.0, 2.0)] * 3)
+_DIRECTIONS = _PLACES.filter(lambda direction: max(map(abs, direction)) > 0.01)
 _INTENTS = st.one_of(
     st.builds(Clip, _WORDS),
     st.builds(Text, _LINES),
@@ -36,6 +42,11 @@ _INTENTS = st.one_of(
     st.builds(Heading, st.floats(-1e3, 1e3), st.none() | st.floats(0.05, 3.0)),
     st.builds(Waypoint, *[st.floats(-1e3, 1e3)] * 2, st.none() | st.floats(-1e3, 1e3), st.floats(0.03, 1.0)),
     st.just(Stop()),
+    st.builds(Hand, _SIDES, _PLACES, st.floats(0.0, 10.0), st.floats(0.0, 2.0)),
+    st.builds(Point, _SIDES, _DIRECTIONS, st.floats(0.0, 10.0)),
+    st.builds(Look, _DIRECTIONS, st.floats(0.0, 10.0)),
+    st.builds(JointAngle, st.sampled_from(["l_el", "head_pan"]), st.floats(-6.0, 6.0), st.floats(0.0, 10.0)),
+    st.builds(Relax, st.sampled_from(["all", "head", "left hand"])),
 )
 
 
@@ -45,8 +56,43 @@ def test_an_intent_comes_back_from_its_words(intent: Intent) -> None:
     assert isinstance(intent, WORDS[word_of(intent)])
 
 
+@given(_INTENTS)
+def test_an_intent_comes_back_from_shared_memory_bit_by_bit(intent: Intent) -> None:
+    mailbox = TargetMailbox()
+    try:
+        sent = mailbox.send(intent)
+    except ConfigError as error:
+        assert "bytes, expected at most" in str(error)
+    else:
+        assert mailbox.newest() == sent
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (
+            lambda: from_content({"hand": {"side": "up", "place": [0, 0, 0]}}),
+            "hand: side: expected one of: left, right",
+        ),
+        (lambda: Hand("left", (0.1, math.nan, 0.0)), "hand: place: expected .*, finite and within ±2; found nan"),
+        (
+            lambda: Hand("left", (0.1, 0.0, 0.0), in_s=-1.0),
+            "in_s: expected seconds, finite and within 0 to 10; found -1",
+        ),
+        (lambda: Look((0.0, 0.0, 0.0)), "look: direction: expected a direction of length"),
+        (lambda: JointAngle("", 1.0), "joint: expected the name of a joint"),
+        (lambda: JointAngle("l_el", 9.0), "joint: angle: expected radians, finite and within ±6.28319; found 9"),
+        (lambda: from_content({"hand": {"side": "left"}}), "hand: expected the fields side, place, in_s, tolerance"),
+        (lambda: from_content({"look": {"where": 3}}), "look: expected the fields direction, in_s, tolerance; found"),
+    ],
+)
+def test_a_part_that_is_not_valid_is_refused_with_what_is(make: Callable[[], Intent], reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        make()
+
+
 def test_two_at_once_are_refused() -> None:
-    with pytest.raises(ConfigError, match="exactly one of: clip, .*, waypoint, stop; found text and stop"):
+    with pytest.raises(ConfigError, match="exactly one of: clip, .*, waypoint, stop, .*; found text and stop"):
         from_content({"text": "wave", "stop": True})
 
 

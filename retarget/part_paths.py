@@ -1,0 +1,214 @@
+"""`PartPaths`: arms and head that go to given joint angles at a given time, whatever the human does.
+
+A path leads from where the joint is, and moves, to its goal, at rest there when it is due: its speed rises, stays and
+falls as smoothly as the time allows. It is part of the retargeter's state, in ticks of the loop: later plans continue
+it exactly. After its time the joint fades back to the human, or to the stand pose where the robot stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.retarget.smoothing import Follower
+from flexmotion.retarget.state import RetargetState
+from flexmotion.spatial.transitions import minimum_jerk
+
+Float = NDArray[np.float64]
+
+FADE_S = 0.8
+"""Least time in which a joint goes back to the human, or to the stand pose [s]."""
+LONGEST_FADE_S = 2.5
+"""Greatest one, with the time until the filter is there [s]."""
+_SETTLE_S = 0.4
+"""Time that the filter has after that until it is there: eight of its time constants [s]."""
+_SHARE = 0.9
+"""Share of the filter's bounds on speed and acceleration that a path uses: the rest is left to `ArmGuard`."""
+_LONGER = 1.05
+"""Ratio of the times that are tried, one after the other, for a path that would be too fast."""
+_SHORTEST_S = 0.08
+"""Shortest path [s]."""
+_RISES = np.linspace(0.5, 0.2, 7)
+"""Shares of a path's time in which its speed rises, and in which it falls: the longer the smoother, the shorter the
+slower at its fastest."""
+
+
+@dataclass(frozen=True)
+class PartGoal:
+    """Where some joints of arms and head are to be.
+
+    Attributes:
+        number: of the goal, above 0; plans that are given the same number go on with the same path.
+        channels: of the filter, (K,).
+        angles: there [rad], (K,).
+        due: tick at which they are reached, or as soon after it as speed and acceleration allow.
+        until: tick until which they are held.
+    """
+
+    number: int
+    channels: NDArray[np.int64]
+    angles: Float
+    due: float
+    until: float
+
+
+@dataclass(frozen=True)
+class PartGoals:
+    """What arms and head are to do.
+
+    Attributes:
+        goals: that hold; no channel is in two of them. Joints of others go back.
+        ended: a stop has ended the goals up to this number: their joints stay where they are.
+    """
+
+    goals: Sequence[PartGoal] = ()
+    ended: float = 0.0
+
+
+NO_PARTS, STOPPED_PARTS = PartGoals(), PartGoals(ended=np.inf)
+
+
+class PartPaths:
+    """Paths of the channels of one robot's filter.
+
+    Args:
+        follower: the filter, which a path passes unchanged.
+        rest: angles of its channels in the stand pose, (C,).
+    """
+
+    def __init__(self, follower: Follower, rest: Float) -> None:
+        self._follower, self._rest = follower, rest
+        self._rate = 1.0 / follower.dt
+
+    def update(self, state: RetargetState, parts: PartGoals, tick: int) -> None:
+        """Begin the paths to goals that are new, and let those go that are not among the goals any more.
+
+        Args:
+            state: where a plan resumes; its paths are written.
+            parts: what is to be done.
+            tick: at which the plan begins.
+        """
+        ended = state.part <= parts.ended
+        state.part[ended], state.part_until[ended] = 0.0, -np.inf
+        goals = parts.goals
+        gone = (state.part > 0) & ~np.isin(state.part, [goal.number for goal in goals])
+        state.part_until[gone] = np.minimum(state.part_until[gone], tick)
+        for goal in goals:
+            own = goal.channels
+            if (state.part[own] == goal.number).all():
+                continue
+            begin, speed = state.position[own], state.velocity[own]
+            ticks = self._ticks(own, begin, speed, goal.angles, goal.due - tick)
+            state.part[own] = goal.number
+            state.part_from[own], state.part_speed[own], state.part_to[own] = begin, speed, goal.angles
+            state.part_begins[own], state.part_due[own] = tick, tick + ticks
+            state.part_until[own] = max(goal.until, tick + ticks)
+
+    def lead(self, state: RetargetState, targets: Float, tick: int, *, stands: bool) -> Float:
+        """Targets of the filter with the channels that follow a path replaced, (T, C).
+
+        Args:
+            targets: of the filter from `tick` on, (T, C).
+            stands: no human is followed: channels go back to the stand pose.
+        """
+        ticks = tick + np.arange(len(targets), dtype=float)
+        fades, led = self._fades(state), np.flatnonzero(self.led(state, tick))
+        if not len(led):
+            return targets
+        targets = targets.copy()
+        for channel in map(int, led):
+            back = minimum_jerk((ticks - state.part_until[channel]) / fades[channel])
+            base = self._rest[channel] if stands else targets[:, channel]
+            targets[:, channel] = (1.0 - back) * self._path(state, channel, ticks) + back * base
+        return targets
+
+    def led(self, state: RetargetState, tick: float) -> NDArray[np.bool_]:
+        """Which channels follow a path from a tick on, under way or held, (C,)."""
+        return np.asarray(state.part_until + self._fades(state) + _SETTLE_S * self._rate > tick, dtype=np.bool_)
+
+    def moves(self, state: RetargetState, tick: float) -> bool:
+        """Whether a joint is under way to its goal, or back from it, at a tick or soon after it."""
+        settle = _SETTLE_S * self._rate
+        coming = tick < state.part_due + settle
+        going = (tick + settle >= state.part_until) & (tick < state.part_until + self._fades(state) + settle)
+        return bool(((state.part > 0) & (coming | going)).any())
+
+    def _fades(self, state: RetargetState) -> Float:
+        """Ticks in which each channel goes back, (C,): by minimum jerk to the stand pose within the bounds.
+
+        The greatest speed of such a way is 15/8 of its mean, the greatest acceleration 10/√3 of way over time squared.
+        """
+        way = np.abs(state.part_to - self._rest)
+        seconds = np.maximum(
+            (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
+            np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * self._follower.acceleration)),
+        )
+        for number in np.unique(state.part[state.part > 0]):
+            own = state.part == number
+            seconds[own] = seconds[own].max()
+        return np.clip(seconds, FADE_S, LONGEST_FADE_S - _SETTLE_S) * self._rate
+
+    def _path(self, state: RetargetState, channel: int, ticks: Float) -> Float:
+        """Targets for which the filter's output is the path, (T,)."""
+        begins, due = state.part_begins[channel], state.part_due[channel]
+        seconds = (due - begins) / self._rate
+        way, speed = state.part_to[channel] - state.part_from[channel], state.part_speed[channel] * seconds
+        rise, _ = self._rises(np.array([channel]), np.array([way]), np.array([speed]), seconds)
+        # From the row before the first one on; a row's place is that at its end.
+        line = np.concatenate([ticks[:1] - 1.0, ticks[:1], ticks + 1.0])
+        places = state.part_from[channel] + _places((line - begins) / (due - begins), way, speed, float(rise[0]))
+        return self._follower.passing(places, channel)
+
+    def _ticks(self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: Float, asked: float) -> float:
+        """Ticks of a path: as asked, or the least within the bounds."""
+        ticks = max(asked, _SHORTEST_S * self._rate)
+        while True:
+            seconds = ticks / self._rate
+            if self._rises(channels, goal - begin, speed * seconds, seconds)[1].all():
+                return ticks
+            ticks *= _LONGER
+
+    def _rises(
+        self, channels: NDArray[np.int64], way: Float, speed: Float, seconds: float
+    ) -> tuple[Float, NDArray[np.bool_]]:
+        """Share of a path's time in which the speed of each channel rises, and whether that is within the bounds, (K,).
+
+        Args:
+            way, speed: of each channel, the speed at its begin by the path's time, (K,) [rad].
+        """
+        fastest = _SHARE * self._follower.speed[channels] * seconds
+        hardest = _SHARE * self._follower.acceleration[channels] * seconds**2
+        top = _top(way, speed, _RISES[:, None])
+        # A joint that is faster than that already is not asked to be slower at once.
+        slow = np.abs(top) <= np.maximum(fastest, np.abs(speed))
+        bend = 1.5 / _RISES[:, None] * np.maximum(np.abs(top - speed), np.abs(top))
+        fits: NDArray[np.bool_] = slow & (bend <= hardest)
+        return _RISES[fits.argmax(axis=0)], np.asarray(fits.any(axis=0), dtype=np.bool_)
+
+
+def _top(way: Any, speed: Any, rise: Any) -> Any:
+    """The speed between rise and fall, for which the path ends at `way`; arguments of `_places`."""
+    return (way - 0.5 * rise * speed) / (1.0 - rise)
+
+
+def _places(share: Float, way: float, speed: float, rise: float) -> Float:
+    """Places on a path that takes a time of 1: from 0, at a speed, to `way`, at rest, (T,).
+
+    Its speed changes by a smoothstep to another, stays, and falls by a smoothstep.
+
+    Args:
+        share: of the time, (T,), from before its begin to after its end; rise: of it in which the speed changes, and in
+            which it falls, .5 at most.
+    """
+    top = float(_top(way, speed, rise))
+    before, share = np.minimum(share, 0.0), np.clip(share, 0.0, 1.0)
+    begin, end = np.minimum(share / rise, 1.0), np.minimum((1.0 - share) / rise, 1.0)
+    # u³ - u⁴/2 is the integral of the smoothstep 3 u² - 2 u³.
+    first = speed * np.minimum(share, rise) + (top - speed) * rise * begin**3 * (1.0 - 0.5 * begin)
+    last = top * rise * (0.5 - end**3 * (1.0 - 0.5 * end))
+    places: Float = speed * before + first + top * np.clip(share - rise, 0.0, 1.0 - 2.0 * rise) + last
+    return places

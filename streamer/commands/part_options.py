@@ -1,0 +1,90 @@
+"""Options of `flexmotion send` that bring one part of the body somewhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+
+_IN_S_MOST = 10.0
+
+
+@dataclass(frozen=True)
+class PartOptions:
+    """One part, and where it is to be."""
+
+    hand: Annotated[
+        tuple[str, float, float, float] | None,
+        typer.Option(
+            "--hand",
+            metavar="SIDE X Y Z",
+            help="Bring the left or right hand there: ahead, left, up in the trunk's frame \\[m].",
+            show_default=False,
+        ),
+    ] = None
+    point: Annotated[
+        tuple[str, float, float, float] | None,
+        typer.Option(
+            "--point",
+            metavar="SIDE X Y Z",
+            help="Point there with the left or right arm: a direction.",
+            show_default=False,
+        ),
+    ] = None
+    look: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--look", metavar="X Y Z", help="Turn the head there: a direction.", show_default=False),
+    ] = None
+    joint: Annotated[
+        tuple[str, float] | None,
+        typer.Option(
+            "--joint", metavar="NAME DEGREES", help="Bring a joint of arms or head to an angle.", show_default=False
+        ),
+    ] = None
+    relax: Annotated[
+        str | None,
+        typer.Option(
+            "--relax",
+            metavar="PART",
+            help='Let a part go: "left hand", "right hand", "head", "joint NAME", or all.',
+            show_default=False,
+        ),
+    ] = None
+    in_s: Annotated[
+        float | None,
+        typer.Option(
+            "--in", min=0.0, max=_IN_S_MOST, help="The part is there after so many seconds.", show_default="0.5"
+        ),
+    ] = None
+
+    @property
+    def given(self) -> dict[str, object]:
+        """The options that name a part, by their names; None where one is not given."""
+        return {
+            "--hand": self.hand,
+            "--point": self.point,
+            "--look": self.look,
+            "--joint": self.joint,
+            "--relax": self.relax,
+        }
+
+    def message(self, tolerance_m: float | None) -> dict[str, Any]:
+        """The fields of the message of the one that is given; those that are None are left out when it is sent.
+
+        Args:
+            tolerance_m: of a hand's place [m].
+        """
+        if self.hand is not None:
+            side, *place = self.hand
+            return {"type": "hand", "side": side, "position_m": place, "tolerance_m": tolerance_m, "in_s": self.in_s}
+        if self.point is not None:
+            side, *direction = self.point
+            return {"type": "point", "side": side, "direction": direction, "in_s": self.in_s}
+        if self.look is not None:
+            return {"type": "look", "direction": list(self.look), "in_s": self.in_s}
+        if self.joint is not None:
+            name, degrees = self.joint
+            return {"type": "joint", "joint": name, "angle_rad": math.radians(degrees), "in_s": self.in_s}
+        return {"type": "relax", "part": self.relax}

@@ -1,0 +1,260 @@
+"""Intents for one part of the body, arms and head: the rest goes on with what it does.
+
+Places and directions are seen from the robot's trunk: origin and axes of the robot file's `torso` body, x forward,
+y left, z up along the trunk. A hand that is held there goes with the robot where it walks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.motion.intent_values import require_numbers, require_words
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = get_args(Side)
+
+FARTHEST_HAND_M = 2.0
+"""Bound of each coordinate of a hand's place [m]."""
+LONGEST_S = 10.0
+"""Longest time to a place [s]."""
+LONGEST_JOINT = 64
+"""Of a joint's name, in characters."""
+LEAST_DIRECTION = 1e-3
+"""Least length of a direction."""
+_WIDEST_RAD = math.pi
+HEAD = "head"
+"""Name of the part that looks."""
+
+Vector = tuple[float, float, float]
+
+
+def _require_side(word: str, side: Any) -> None:
+    if side not in SIDES:
+        raise ConfigError(f"{word}: side: expected one of: {', '.join(SIDES)}; found {side!r}")
+
+
+def _require_vector(word: str, value: Any, bound: float) -> None:
+    if not isinstance(value, tuple) or len(value) != 3:
+        raise ConfigError(f"{word}: expected three numbers, [x, y, z]; found {value!r}")
+    require_numbers(f"{word}: expected [x, y, z]", value, bound)
+
+
+def _require_direction(word: str, value: Any) -> None:
+    _require_vector(word, value, FARTHEST_HAND_M)
+    if math.hypot(*value) < LEAST_DIRECTION:
+        raise ConfigError(f"{word}: expected a direction of length {LEAST_DIRECTION:g} or more; found {value!r}")
+
+
+def _require_timing(word: str, in_s: Any, tolerance: Any, widest: float) -> None:
+    require_numbers(f"{word}: in_s: expected seconds", (in_s,), LONGEST_S, 0.0)
+    require_numbers(f"{word}: tolerance: expected a number", (tolerance,), widest, 0.0)
+
+
+def _told(values: Vector) -> str:
+    return "[" + ", ".join(f"{value:.3g}" for value in values) + "]"
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Bring a hand to a place.
+
+    Attributes:
+        side: which hand.
+        place: x, y, z in the trunk's frame [m].
+        in_s: time from now until it is there [s].
+        tolerance: a place out of reach is replaced by the nearest one within this distance [m]; else it is refused.
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    side: Side
+    place: Vector
+    in_s: float = 0.5
+    tolerance: float = 0.05
+
+    def __post_init__(self) -> None:
+        _require_side("hand", self.side)
+        _require_vector("hand: place", self.place, FARTHEST_HAND_M)
+        _require_timing("hand", self.in_s, self.tolerance, FARTHEST_HAND_M)
+
+    def content(self) -> dict[str, Any]:
+        """The intent as logs hold it."""
+        return asdict(self)
+
+    @property
+    def part(self) -> str:
+        """Name of the part of the body."""
+        return f"{self.side} hand"
+
+    def __str__(self) -> str:
+        return f"{self.part} to {_told(self.place)} m in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class Point:
+    """Point somewhere with an arm, almost straight from shoulder to hand.
+
+    Attributes:
+        side: which arm.
+        direction: in the trunk's frame, of any length.
+        in_s: time from now until it points there [s].
+        tolerance: a direction that the arm cannot take is replaced by the nearest one within this angle [rad]; else it
+            is refused.
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    side: Side
+    direction: Vector
+    in_s: float = 0.5
+    tolerance: float = 0.35
+
+    def __post_init__(self) -> None:
+        _require_side("point", self.side)
+        _require_direction("point: direction", self.direction)
+        _require_timing("point", self.in_s, self.tolerance, _WIDEST_RAD)
+
+    def content(self) -> dict[str, Any]:
+        """See `Hand.content`."""
+        return asdict(self)
+
+    @property
+    def part(self) -> str:
+        """See `Hand.part`: an arm that points has its hand nowhere else."""
+        return f"{self.side} hand"
+
+    def __str__(self) -> str:
+        return f"{self.side} arm towards {_told(self.direction)} in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Look into a direction with the head; nothing else turns.
+
+    Attributes:
+        direction: in the trunk's frame, of any length.
+        in_s: time from now until it looks there [s].
+        tolerance: a direction that the head cannot take is replaced by the nearest one within this angle [rad]; else it
+            is refused.
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    direction: Vector
+    in_s: float = 0.5
+    tolerance: float = 0.35
+
+    def __post_init__(self) -> None:
+        _require_direction("look: direction", self.direction)
+        _require_timing("look", self.in_s, self.tolerance, _WIDEST_RAD)
+
+    def content(self) -> dict[str, Any]:
+        """See `Hand.content`."""
+        return asdict(self)
+
+    @property
+    def part(self) -> str:
+        """See `Hand.part`."""
+        return HEAD
+
+    def __str__(self) -> str:
+        return f"look towards {_told(self.direction)} in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class JointAngle:
+    """Bring one joint of arms or head to an angle.
+
+    Attributes:
+        joint: its name in the robot file.
+        angle: [rad], in the joint's own sign.
+        in_s: time from now until it is there [s].
+        tolerance: an angle beyond the joint's limits is replaced by the limit where that is within this angle [rad];
+            else it is refused.
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    joint: str
+    angle: float
+    in_s: float = 0.5
+    tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_words("joint", self.joint, "the name of a joint")
+        if len(self.joint) > LONGEST_JOINT or not self.joint.isprintable():
+            raise ConfigError(
+                f"joint: expected a name of {LONGEST_JOINT} characters at most, found {self.joint[:80]!r}"
+            )
+        require_numbers("joint: angle: expected radians", (self.angle,), math.tau)
+        _require_timing("joint", self.in_s, self.tolerance, _WIDEST_RAD)
+
+    def content(self) -> dict[str, Any]:
+        """See `Hand.content`."""
+        return asdict(self)
+
+    @property
+    def part(self) -> str:
+        """See `Hand.part`."""
+        return f"joint {self.joint}"
+
+    def __str__(self) -> str:
+        return f"{self.joint} to {self.angle:.3g} rad in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class Relax:
+    """Let a part go: it goes back to what the rest of the body does.
+
+    Attributes:
+        part: "left hand", "right hand", "head", "joint NAME"; "all": every one that was asked for something.
+
+    Raises:
+        ConfigError: it is no name.
+    """
+
+    part: str = "all"
+
+    def __post_init__(self) -> None:
+        require_words("relax", self.part, "the name of a part, or all")
+        if len(self.part) > LONGEST_JOINT + 8 or not self.part.isprintable():
+            raise ConfigError(f"relax: expected the name of a part, or all; found {self.part[:80]!r}")
+
+    def content(self) -> dict[str, Any]:
+        """See `Hand.content`."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        return f"relax {self.part}"
+
+
+PartIntent = Hand | Point | Look | JointAngle | Relax
+"""An intent for one part of the body."""
+
+PARTS: dict[str, type[PartIntent]] = {"hand": Hand, "point": Point, "look": Look, "joint": JointAngle, "relax": Relax}
+
+
+def part_from_content(word: str, value: Any) -> PartIntent:
+    """The intent of a word of `PARTS`, from its fields.
+
+    Raises:
+        ConfigError: a field is missing, not known or not valid; names the word and what is valid.
+    """
+    kind = PARTS[word]
+    known = tuple(kind.__dataclass_fields__)
+    if not isinstance(value, Mapping) or not set(value) <= set(known):
+        raise ConfigError(f"{word}: expected the fields {', '.join(known)}; found {value!r}")
+    fields: dict[str, Any] = {name: tuple(one) if isinstance(one, list) else one for name, one in value.items()}
+    try:
+        made: PartIntent = kind(**fields)
+    except TypeError:
+        raise ConfigError(f"{word}: expected the fields {', '.join(known)}; found {', '.join(value)}") from None
+    return made

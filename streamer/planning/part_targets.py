@@ -1,0 +1,243 @@
+"""`PartTargets`: the targets for arms and head: which of them hold, and the one answer that each gets.
+
+They replace no target for the whole body. Each is solved when it arrives, from where the robot is then; every plan is
+given all that hold (`goals`), and the retargeter goes on with those that it has already begun.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal, PartGoals
+from flexmotion.retarget.part_solver import Solved
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.whole_body import POSTURE
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.intents import words_of
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, PartIntent, Point, Relax
+from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.target_ledger import ended_by
+
+Float = NDArray[np.float64]
+
+_LATE_S = 0.05
+"""A part that is there later than asked by more than this is called slowed [s]."""
+_BETWEEN_S = 0.1
+"""Least time between two plans that are made for parts alone [s]: a hand that is dragged sends many."""
+
+
+@dataclass(frozen=True)
+class _Holding:
+    """A part's target that holds, and its goal."""
+
+    target: Target
+    intent: Hand | Point | Look | JointAngle
+    goal: PartGoal
+    asked_due: float
+    heard: Heard
+    revision: int
+    answered: bool = False
+
+
+class PartTargets:
+    """The planner's record of targets for parts.
+
+    Args:
+        retargeter: solves them.
+        publish: is given the answer to every target, once; on_note: a message for the operator.
+    """
+
+    def __init__(
+        self, retargeter: Retargeter, publish: Callable[[Heard], None], on_note: Callable[[str], None]
+    ) -> None:
+        self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
+        self._rate = retargeter.rate
+        self._waiting: list[tuple[Target, float]] = []
+        self._holding: list[_Holding] = []
+        self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
+        self._revision = self._ended = 0
+        self._made: dict[int, int] = {}  # revisions by plan
+        self._planned_tick = -math.inf
+
+    def take(self, target: Target, born_s: float) -> None:
+        """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
+        self._waiting.append((target, born_s))
+
+    def update(self, row: TickRow, tick: float, now_s: float, q: Float) -> None:
+        """Solve what has arrived, and answer what is known.
+
+        Args:
+            row: newest one of the loop.
+            tick: of the loop, at the time `now_s` of the planner's clock.
+            q: all joint angles as planned now, (n,) [rad].
+        """
+        ended = ended_by(row)
+        if ended is not None:
+            self.refuse_all(ended)
+            return
+        self._answer(row)
+        held = [one for one in self._holding if tick < one.goal.until + LONGEST_FADE_S * self._rate]
+        self._holding = held
+        waiting, self._waiting = self._waiting, []
+        for target, born_s in waiting:
+            if now_s - born_s > target.take_up_s:
+                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+                continue
+            try:
+                self._begin(target, tick + (born_s - now_s) * self._rate, q)
+            except ConfigError as error:
+                self._tell(target, "refused", str(error))
+
+    def refuse_all(self, reason: str) -> None:
+        """No target can be followed; those that hold are over."""
+        for target, _ in self._waiting:
+            self._tell(target, "refused", reason)
+        for one in self._holding:
+            if not one.answered:
+                self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason}))
+        for _, heard in self._relaxed:
+            self._publish(heard)
+        numbers = [target.id for target, _ in self._waiting] + [one.target.id for one in self._holding]
+        self._ended = max([self._ended, *numbers])
+        self._waiting, self._holding, self._relaxed = [], [], []
+
+    def wants(self, plan: int, tick: int) -> bool:
+        """Whether a plan is due because the one with this id does not know all targets."""
+        known = self._made.get(plan, 0) == self._revision
+        return not known and tick >= self._planned_tick + _BETWEEN_S * self._rate
+
+    @property
+    def goals(self) -> PartGoals:
+        """What holds, for the retargeter."""
+        return PartGoals([one.goal for one in self._holding], self._ended)
+
+    def made(self, plan: int, rows: Plan, playing: int, tick: int) -> None:
+        """A plan was made with all that hold.
+
+        Args:
+            plan: its id; rows: it; playing: id of the plan that plays.
+            tick: that the loop does next.
+        """
+        if self._revision not in self._made.values():
+            self._planned_tick = tick
+        self._made[plan] = self._revision
+        self._made = {key: value for key, value in self._made.items() if key >= playing}
+        state = self._retargeter.layout.view(rows.states[0].copy())
+        for place, one in enumerate(self._holding):
+            own = one.goal.channels
+            if one.answered or (state.part[own] != one.goal.number).any():
+                continue
+            late_s = (float(state.part_due[own].max()) - one.asked_due) / self._rate
+            slowed = None
+            if late_s > _LATE_S:
+                slowed = f"{one.intent.in_s + late_s:.2f} s until it is there"
+            answer = "moved" if one.heard.moved else "slowed" if slowed else "accepted"
+            heard = one.heard.model_copy(update={"slowed": slowed, "state": answer, "tick": rows.start_tick})
+            self._holding[place] = replace(one, heard=heard)
+
+    def leads(self, plan: Plan) -> bool:
+        """Whether a part is led in a plan, under way or held."""
+        state = self._retargeter.layout.view(plan.states[0].copy())
+        return bool(self._retargeter.parts.led(state, plan.start_tick).any())
+
+    def moves(self, plan: Plan, tick: int) -> bool:
+        """Whether a part is under way in a plan, at a tick or soon after it."""
+        return self._retargeter.parts.moves(self._retargeter.layout.view(plan.states[0].copy()), tick)
+
+    # ------------------------------------------------------------------ targets
+
+    def _begin(self, target: Target, born_tick: float, q: Float) -> None:
+        """Let a target hold. Raises `ConfigError` where it cannot be followed; names what is valid."""
+        words = part_of_words(target.intent)
+        intent = words or target.intent
+        assert isinstance(intent, PartIntent)
+        if isinstance(intent, Relax):
+            self._relax(target, intent)
+            return
+        holds_s = target.holds_s if words is None else min(target.holds_s, WORDS_HOLD_S)
+        due, until = born_tick + intent.in_s * self._rate, born_tick + holds_s * self._rate
+        if until < due:
+            raise ConfigError(f"{intent}: it holds {holds_s:g} s only, expected more than the {intent.in_s:g} s")
+        solved = self._solved(intent, self._ahead(q))
+        channels = solved.columns + len(POSTURE)
+        goal = PartGoal(target.id, channels, solved.angles, due, until)
+        kept = []
+        for one in self._holding:
+            if np.isin(one.goal.channels, channels).any():
+                self._supersede(one)
+            else:
+                kept.append(one)
+        heard = Heard(
+            id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part, moved=solved.moved
+        )
+        self._revision += 1
+        self._holding = [*kept, _Holding(target, intent, goal, due, heard, self._revision)]
+
+    def _relax(self, target: Target, intent: Relax) -> None:
+        """Let parts go."""
+        gone = [one for one in self._holding if intent.part in ("all", one.heard.heard_as)]
+        if not gone and intent.part != "all":
+            held = ", ".join(str(one.heard.heard_as) for one in self._holding) or "none"
+            raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
+        for one in gone:
+            self._supersede(one)
+        self._holding = [one for one in self._holding if one not in gone]
+        self._revision += 1
+        heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
+        self._relaxed.append((self._revision, heard))
+
+    def _solved(self, intent: Hand | Point | Look | JointAngle, q: Float) -> Solved:
+        solver = self._retargeter.solver
+        match intent:
+            case Hand(side, place, _, tolerance):
+                return solver.hand(side, np.array(place), tolerance, q)
+            case Point(side, direction, _, tolerance):
+                return solver.point(side, np.array(direction), tolerance, q)
+            case Look(direction, _, tolerance):
+                return solver.look(np.array(direction), tolerance)
+        return solver.joint(intent.joint, intent.angle, intent.tolerance)
+
+    def _ahead(self, q: Float) -> Float:
+        """Joint angles (n,) with the parts that hold at their goals."""
+        q, joints = q.copy(), self._retargeter.body.upper.joints
+        for one in self._holding:
+            q[joints[one.goal.channels - len(POSTURE)]] = one.goal.angles
+        return q
+
+    # ------------------------------------------------------------------ answers
+
+    def _answer(self, row: TickRow) -> None:
+        """Answer what the loop has taken a plan for."""
+        known = max(self._made.get(int(row.plan), 0), self._made.get(int(row.pending), 0))
+        for place, one in enumerate(self._holding):
+            if not one.answered and one.heard.tick is not None and known >= one.revision:
+                self._holding[place] = replace(one, answered=True)
+                at_s = one.heard.tick / self._rate
+                heard = one.heard.model_copy(update={"at_s": at_s})
+                self._publish(heard)
+                if heard.state != "accepted":
+                    self._on_note(str(heard.told()))
+        for _, heard in [one for one in self._relaxed if one[0] <= known]:
+            self._publish(heard)
+        self._relaxed = [one for one in self._relaxed if one[0] > known]
+
+    def _supersede(self, one: _Holding) -> None:
+        if not one.answered:
+            reason = "a newer target for this part came before a plan followed it"
+            self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
+
+    def _tell(self, target: Target, state: str, reason: str) -> None:
+        heard = Heard.model_validate(
+            {"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason}
+        )
+        self._publish(heard)
+        self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))

@@ -1,0 +1,109 @@
+"""Joints of arms and head on their way to goals: in time, within the bounds, the same in every later plan, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.human.motion import Motion
+from flexmotion.retarget.part_paths import LONGEST_FADE_S, STOPPED_PARTS, PartGoal, PartGoals
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.whole_body import POSTURE
+
+RATE = 125
+LEFT = np.arange(3) + len(POSTURE)
+GOAL = np.array([-0.8, 0.4, -0.9])
+"""Left arm raised in front [rad]."""
+
+
+def goal(due: float, until: float = np.inf, number: int = 7, angles: np.ndarray = GOAL) -> PartGoal:
+    return PartGoal(number, LEFT, angles, due, until)
+
+
+def arm(retargeter: Retargeter, q: np.ndarray) -> np.ndarray:
+    found: np.ndarray = q[..., retargeter.body.upper.joints[LEFT - len(POSTURE)]]
+    return found
+
+
+def stands(retargeter: Retargeter, *goals: PartGoal, after: Plan | None = None, join: int = 30) -> Plan:
+    """A plan of a robot that stands, from the stand pose or from a row of another plan."""
+    if after is None:
+        return retargeter.plan(retargeter.standing(), None, 0, 0, parts=PartGoals(goals))
+    return retargeter.plan(after.states[join], None, 0, after.start_tick + join, parts=PartGoals(goals))
+
+
+def test_the_joints_are_there_when_they_are_due_and_stay(retargeter: Retargeter) -> None:
+    plan = stands(retargeter, goal(75.0))
+    q = arm(retargeter, plan.q)
+    assert q[74:] == pytest.approx(np.broadcast_to(GOAL, q[74:].shape), abs=1e-3)
+    assert np.abs(q[60] - GOAL).max() > 0.02
+    others = np.delete(plan.q, retargeter.body.upper.joints[:3], axis=1)
+    assert np.abs(others - others[0])[:, :5].max() < 1e-9  # other arm and head stay
+
+
+def test_a_later_plan_goes_on_with_the_same_path(retargeter: Retargeter) -> None:
+    first = stands(retargeter, goal(90.0))
+    again = stands(retargeter, goal(90.0), after=first, join=37)
+    rows = min(len(first) - 37, len(again))
+    assert arm(retargeter, again.q[:rows]) == pytest.approx(arm(retargeter, first.q[37 : 37 + rows]), abs=1e-9)
+
+
+@pytest.mark.parametrize("asked", [0.0, 20.0, 40.0])
+def test_a_path_that_would_be_too_fast_is_as_late_as_the_bounds_need(retargeter: Retargeter, asked: float) -> None:
+    far = np.array([1.2, 0.2, 1.0])
+    plan = stands(retargeter, goal(asked, angles=far))
+    follower, due = retargeter.follower, float(retargeter.layout.view(plan.states[0].copy()).part_due[LEFT[0]])
+    speed = np.gradient(arm(retargeter, plan.q), 1.0 / RATE, axis=0)
+    assert due > asked and np.abs(speed).max() <= follower.speed[LEFT].max()
+    acceleration = np.gradient(speed[2:-2], 1.0 / RATE, axis=0)
+    assert np.abs(acceleration).max() <= follower.acceleration[LEFT].max() * 1.02
+    row = min(int(np.ceil(due)), len(plan) - 1)
+    assert arm(retargeter, plan.q)[row] == pytest.approx(far, abs=0.02)
+
+
+def test_a_new_goal_begins_where_the_arm_is_and_moves(retargeter: Retargeter) -> None:
+    first = stands(retargeter, goal(70.0))
+    turned = stands(retargeter, goal(110.0, number=8, angles=np.array([0.5, 1.0, 0.0])), after=first, join=35)
+    q = np.concatenate([arm(retargeter, first.q[:35]), arm(retargeter, turned.q)])
+    assert np.abs(np.diff(q, 2, axis=0)).max() * RATE**2 <= retargeter.follower.acceleration[LEFT].max() * 1.02
+    assert q[110:] == pytest.approx(np.broadcast_to([0.5, 1.0, 0.0], q[110:].shape), abs=2e-3)
+
+
+@pytest.mark.parametrize("how", ["its time is over", "it is no goal any more"])
+def test_a_robot_that_stands_brings_an_arm_back_to_the_stand_pose(retargeter: Retargeter, how: str) -> None:
+    until = 80.0 if how == "its time is over" else np.inf
+    plan = stands(retargeter, goal(60.0, until))
+    for _ in range(8):
+        begin = plan.start_tick + 50
+        kept = [goal(60.0, until)] if begin < 80 or how == "its time is over" else []
+        plan = stands(retargeter, *kept, after=plan, join=50)
+    assert plan.start_tick > 80 + LONGEST_FADE_S * RATE
+    home = retargeter.robot.stand_pose[retargeter.body.upper.joints[:3]]
+    assert arm(retargeter, plan.q)[-1] == pytest.approx(home, abs=2e-3)
+    assert not retargeter.parts.moves(retargeter.layout.view(plan.states[0].copy()), plan.end_tick)
+
+
+def test_an_arm_goes_back_to_the_human_where_one_is_followed(retargeter: Retargeter, walk: Motion) -> None:
+    """The other arm, the legs and the way are those of a plan without a goal."""
+    plans = {}
+    for name, goals in (("with", [goal(60.0, 70.0)]), ("without", [])):
+        plan = retargeter.plan(retargeter.standing(), walk[:32], 0, 0, parts=PartGoals(goals))
+        for _ in range(6):
+            state, tick = plan.states[31], plan.start_tick + 31
+            first = retargeter.next_frame(state, tick, walk.fps)
+            plan = retargeter.plan(state, walk[first : first + 32], first, tick, parts=PartGoals(goals))
+        plans[name] = plan
+    led, free = plans["with"], plans["without"]
+    rows = slice(0, min(led.stop_row, free.stop_row))
+    assert np.abs(arm(retargeter, led.q[rows]) - arm(retargeter, free.q[rows])).max() < 0.1
+    assert led.feet[rows] == pytest.approx(free.feet[rows], abs=1e-6)
+
+
+def test_a_stop_leaves_the_arm_where_it_is(retargeter: Retargeter) -> None:
+    moving = stands(retargeter, goal(70.0))
+    stop = retargeter.plan(moving.states[30], None, 0, 30, parts=STOPPED_PARTS)
+    q = arm(retargeter, stop.q)
+    assert np.abs(q[-1] - arm(retargeter, moving.q)[30]).max() < 0.2
+    assert np.abs(np.diff(q[-10:], axis=0)).max() < 1e-4
+    assert not retargeter.parts.moves(retargeter.layout.view(stop.states[0].copy()), 40)

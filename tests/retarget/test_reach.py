@@ -1,0 +1,120 @@
+"""Hands at places: inside reach exactly there, outside as near as can be, never in the body."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.part_solver import PartSolver
+from flexmotion.retarget.retargeter import Retargeter
+
+
+@pytest.fixture(scope="module")
+def solver(retargeter: Retargeter) -> PartSolver:
+    return retargeter.solver
+
+
+class Posed:
+    """The robot at given joint angles, by MuJoCo."""
+
+    def __init__(self, robot: Robot, q: np.ndarray) -> None:
+        self.robot, self.data = robot, mujoco.MjData(robot.model)
+        self.data.qpos[:7], self.data.qpos[robot.qpos_address] = (0, 0, 1, 1, 0, 0, 0), q
+        mujoco.mj_kinematics(robot.model, self.data)
+        mujoco.mj_collision(robot.model, self.data)
+
+    def hand(self, side: str) -> np.ndarray:
+        hands = self.robot.config.hands
+        assert hands is not None
+        hand = getattr(hands, side)
+        body = self.data.body(hand.body)
+        place = body.xpos + body.xmat.reshape(3, 3) @ np.asarray(hand.point)
+        found: np.ndarray = place - self.data.xpos[self.robot.torso_id]
+        return found
+
+    @property
+    def touches(self) -> bool:
+        return bool(self.data.ncon)
+
+
+def taken(retargeter: Retargeter, columns: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    q = retargeter.robot.stand_pose.copy()
+    q[retargeter.body.upper.joints[columns]] = angles
+    return q
+
+
+def test_every_place_that_an_arm_can_take_is_reached_by_mujocos_kinematics(
+    retargeter: Retargeter, solver: PartSolver
+) -> None:
+    robot, rng = retargeter.robot, np.random.default_rng(0)
+    chain, reached = retargeter.body.upper.chain, 0
+    for number in range(40):
+        side = number % 2
+        q = robot.stand_pose.copy()
+        q[chain.joints[side]] = rng.uniform(chain.lower[side], chain.upper[side])
+        posed = Posed(robot, q)
+        if posed.touches:
+            continue
+        place = posed.hand(("left", "right")[side])
+        found = solver.hand(("left", "right")[side], place, 0.02, robot.stand_pose)
+        there = Posed(robot, taken(retargeter, found.columns, found.angles))
+        away = np.linalg.norm(there.hand(("left", "right")[side]) - place)
+        assert not there.touches and away <= 0.02
+        reached += away < 0.002
+    assert reached >= 33  # the rest are nearer to the body than forearms keep
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.05), (0.0, 0.0, -0.05), (0.05, 0.0, 0.17), (0.0, 0.08, -0.2)])
+def test_a_place_in_the_body_is_replaced_by_one_that_does_not_touch_it(
+    retargeter: Retargeter, solver: PartSolver, place: tuple[float, float, float]
+) -> None:
+    found = solver.hand("left", np.array(place), 1.0, retargeter.robot.stand_pose)
+    assert not Posed(retargeter.robot, taken(retargeter, found.columns, found.angles)).touches
+
+
+def test_a_place_out_of_reach_is_moved_within_the_tolerance_and_refused_beyond_it(
+    retargeter: Retargeter, solver: PartSolver
+) -> None:
+    far = np.array([0.0, 0.33, 0.1])  # the arm straight out reaches to .285
+    found = solver.hand("left", far, 0.06, retargeter.robot.stand_pose)
+    there = Posed(retargeter.robot, taken(retargeter, found.columns, found.angles)).hand("left")
+    assert there == pytest.approx([0.0, 0.285, 0.1], abs=5e-3)
+    assert found.moved is not None and "cm from there" in found.moved
+    with pytest.raises(ConfigError, match=r"hand: out of reach of the left hand.*nearest place is \[.*tolerance 3 cm"):
+        solver.hand("left", far, 0.03, retargeter.robot.stand_pose)
+
+
+def test_an_arm_points_along_the_direction_from_its_shoulder(retargeter: Retargeter, solver: PartSolver) -> None:
+    chain = retargeter.body.upper.chain
+    for direction in ((0.0, -1.0, 0.0), (1.0, -0.5, 0.3), (0.3, -1.0, 1.0)):
+        found = solver.point("right", np.array(direction), 0.2, retargeter.robot.stand_pose)
+        poses = chain.poses(taken(retargeter, found.columns, found.angles)[chain.joints])
+        arm = (poses.hand - poses.shoulder)[1]
+        assert arm @ direction / np.linalg.norm(arm) / np.linalg.norm(direction) > np.cos(0.2)
+        assert np.linalg.norm(arm) > 0.85 * chain.lengths[1].sum()
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.3), (1.0, -2.0, -0.5), (0.1, 1.0, 0.0)])
+def test_the_head_looks_along_a_direction_by_mujocos_kinematics(
+    retargeter: Retargeter, solver: PartSolver, direction: tuple[float, float, float]
+) -> None:
+    found = solver.look(np.array(direction), 0.1)
+    posed = Posed(retargeter.robot, taken(retargeter, found.columns, found.angles))
+    gaze = posed.data.body("head_tilt_link").xmat.reshape(3, 3)[:, 0]
+    assert gaze == pytest.approx(np.array(direction) / np.linalg.norm(direction), abs=0.02)
+
+
+def test_what_the_head_and_joints_cannot_do_is_refused_with_what_they_can(solver: PartSolver) -> None:
+    with pytest.raises(ConfigError, match="look: the head cannot look there; nearest is a direction 9.° from there"):
+        solver.look(np.array([-1.0, 0.0, 0.0]), 0.3)
+    with pytest.raises(ConfigError, match="joint: 'l_knee' moves with the legs, which keep the balance; .*head_pan"):
+        solver.joint("l_knee", 0.5, 0.1)
+    with pytest.raises(ConfigError, match="joint: 'tail' is not known; expected one of: l_sho_pitch, "):
+        solver.joint("tail", 0.5, 0.1)
+    with pytest.raises(ConfigError, match="joint: r_el: 2.5 rad, expected -2 to 2"):
+        solver.joint("r_el", 2.5, 0.1)
+    found = solver.joint("r_el", 2.05, 0.1)
+    assert found.angles == pytest.approx([2.0]) and found.moved == "2.000 rad, the joint's limit"

@@ -1,0 +1,131 @@
+"""Targets for hands, head and joints in a whole run in lockstep: where they are, and what becomes of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
+from flexmotion.streamer.run.requests import Request
+
+from .test_live_targets import Live
+
+RATE = 125
+PLACE = (0.12, 0.12, 0.05)
+"""In front of the left shoulder, in reach [m]."""
+
+
+@pytest.fixture
+def live() -> Iterator[Live]:
+    one = Live()
+    with one.session:
+        one.until_state(State.STREAMING)
+        one.until_answered(one.session.send(Stop()).id)
+        one.until_state(State.HOLD)
+        yield one
+
+
+def asked(live: Live, intent: Intent, holds_s: float = 5.0) -> Heard:
+    """The answer to a target."""
+    return live.until_answered(live.session.send(intent, holds_s=holds_s).id)
+
+
+def hand(live: Live, side: int = 0) -> np.ndarray:
+    """Place of a hand of the simulated robot now, (3,) [m]."""
+    chain = ArmChain(live.session.robot)
+    q = live.session.record.ticks.true_q[-1]
+    found: np.ndarray = chain.poses(q[chain.joints]).hand[side]
+    return found
+
+
+def go_on(live: Live, seconds: float) -> None:
+    until = live.session.state.tick + round(seconds * RATE)
+    live.until(lambda: live.session.state.tick >= until, f"{seconds} s")
+
+
+def test_a_hand_of_a_robot_that_stands_is_there_in_time_stays_and_comes_back(live: Live) -> None:
+    begin, home = live.session.state.tick, hand(live)
+    answer = asked(live, Hand("left", PLACE, in_s=1.0), holds_s=3.0)
+    assert answer.state == "accepted" and answer.heard_as == "left hand" and answer.tick is not None
+    go_on(live, 1.0 - (live.session.state.tick - begin) / RATE)
+    assert np.linalg.norm(hand(live) - PLACE) < 0.005
+    live.until_state(State.HOLD)  # nothing is left to be planned while it is held
+    assert np.linalg.norm(hand(live) - PLACE) < 0.005
+    live.until_state(State.STREAMING)
+    live.until_state(State.HOLD)
+    assert np.linalg.norm(hand(live) - home) < 0.05
+    assert not live.session.record.ticks.true_self_contact.any()
+
+
+def test_a_hand_replaces_no_walk_and_a_walk_no_hand(live: Live) -> None:
+    walks = live.session.send(Velocity(0.3, 0.0, 0.0))
+    assert live.until_answered(walks.id).state in ("accepted", "slowed")
+    go_on(live, 1.0)
+    assert asked(live, Hand("left", PLACE, in_s=1.0)).state == "accepted"
+    turned = live.session.send(Velocity(0.2, 0.0, 0.2))
+    assert live.until_answered(turned.id).state in ("accepted", "slowed")
+    go_on(live, 1.5)
+    assert np.linalg.norm(hand(live) - PLACE) < 0.01
+    ticks = live.session.record.ticks
+    assert live.session.state.ladder is State.STREAMING and int(ticks.target[-1]) == turned.id
+    assert ticks.true_base[-1, 0] - ticks.true_base[-RATE, 0] > 0.02
+
+
+def test_each_target_is_answered_with_what_becomes_of_it(live: Live) -> None:
+    assert asked(live, Hand("left", (0.0, 0.3, 0.1), in_s=1.0)).state == "moved"
+    late = asked(live, Hand("right", (0.0, -0.1, 0.3), in_s=0.1))
+    assert late.state == "slowed" and late.slowed is not None and "s until it is there" in late.slowed
+    refused = asked(live, Hand("right", (0.9, 0.0, 0.0)))
+    assert refused.state == "refused" and "out of reach of the right hand" in str(refused.reason)
+    assert "keep the balance" in str(asked(live, JointAngle("r_knee", 0.4)).reason)
+    assert "holds 0.3 s only" in str(asked(live, Look((1.0, 0.0, 0.0)), holds_s=0.3).reason)
+    assert "expected all, or one of: left hand, right hand" in str(asked(live, Relax("head")).reason)
+    assert asked(live, Relax()).state == "accepted"
+
+
+def test_the_newest_target_of_a_part_counts_and_a_joint_takes_its_arm(live: Live) -> None:
+    first = live.session.send(Hand("left", PLACE, in_s=1.0), holds_s=9.0)
+    second = live.session.send(JointAngle("l_el", -1.0, in_s=1.0), holds_s=9.0)
+    assert live.until_answered(first.id).state == "superseded"
+    assert live.until_answered(second.id).state == "accepted"
+    go_on(live, 1.2)
+    names = list(live.session.robot.joint_names)
+    assert live.session.record.ticks.true_q[-1, names.index("l_el")] == pytest.approx(-1.0, abs=0.02)
+    assert np.linalg.norm(hand(live) - PLACE) > 0.02
+
+
+def test_words_for_the_head_turn_it_and_never_walk(live: Live) -> None:
+    """The words "look to the left" once were heard as turning left, and the robot walked in a curve."""
+    place = live.session.record.ticks.true_base[-1, :2].copy()
+    answer = asked(live, Text("look to the left"), holds_s=600.0)
+    assert (answer.state, answer.heard_as, answer.asked) == ("accepted", "head", "look to the left")
+    go_on(live, 1.2)
+    names = list(live.session.robot.joint_names)
+    assert live.session.record.ticks.true_q[-1, names.index("head_pan")] > 0.7
+    go_on(live, 6.5)  # held for five seconds, then back
+    ticks = live.session.record.ticks
+    assert abs(ticks.true_q[-1, names.index("head_pan")]) < 0.02
+    assert int(ticks.steps_planned[-1]) == 0 and np.linalg.norm(ticks.true_base[-1, :2] - place) < 0.005
+
+
+def test_a_stop_ends_parts_and_refuses_new_ones_until_it_is_released(live: Live) -> None:
+    assert asked(live, Hand("left", PLACE, in_s=2.0), holds_s=60.0).state == "accepted"
+    live.session.ask(Request.STOP)
+    refused = asked(live, Look((1.0, 1.0, 0.0)))
+    assert refused.state == "refused" and "release the stop first" in str(refused.reason)
+    go_on(live, 0.5)
+    stopped = hand(live)
+    go_on(live, 1.0)
+    assert np.linalg.norm(hand(live) - stopped) < 0.002 and np.linalg.norm(stopped - PLACE) > 0.02
+    live.session.ask(Request.CLEAR)
+    go_on(live, 1.0)
+    assert np.linalg.norm(hand(live) - stopped) < 0.002  # it does not go on, nor back
+    assert asked(live, Look((1.0, 1.0, 0.0))).state == "accepted"
+    go_on(live, 1.0)
+    assert np.linalg.norm(hand(live) - stopped) < 0.002
