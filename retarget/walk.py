@@ -30,8 +30,8 @@ a plan."""
 _ROLL, _MOST_ROLL = 0.2, 0.4
 """The zero-moment point is ahead of a sole's centre by this share of the way by which the other foot is ahead, and at
 most by this share of half a sole. The hips then move more evenly. Of 6 runs of changing clips (swings that are given
-time, both): legs lag by 1.3° (median) instead of 1.6, as fast as without; with the roll soles slip by 1.5 mm/s instead
-of 4.5 in perturbed walks, knees are 3° late (p95) instead of 6 to 10."""
+time, both): legs lag by 1.3° (median) instead of 1.6; in perturbed walks soles slip by 1.5 mm/s instead of 4.5, knees
+are 3° late (p95) instead of 6 to 10."""
 _TRIES = 2
 """How often steps are given more time in one plan."""
 
