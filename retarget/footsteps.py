@@ -8,7 +8,9 @@ are inserted, one foot after the other, until its feet agree with the human's ag
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,7 @@ INSERT_YAW, INSERT_DISTANCE = 0.26, 0.045
 """Feet further than this from their footholds are corrected by an inserted step [rad, m of the robot]."""
 EXACT_YAW = 0.06
 """Likewise, of a human that looks where the robot's feet are to point: what a plan for it corrects [rad]."""
+_NO_LONGER: Mapping[int, int] = MappingProxyType({})
 _MOST_OWN = 8
 """Steps of the robot's own cadence in a row in one plan, at most."""
 _BESIDE_DISTANCE, _BESIDE_YAW = 0.015, 0.09
@@ -74,11 +77,14 @@ class FootstepPlanner:
         self.sight_s = UNHURRIED_S + INSERTED_SWING_S + gait.double_support_min_s
         """How far ahead the human must be known for a step to be inserted [s]."""
 
-    def plan(self, view: HumanView, start: FeetState, put_off: int = 0) -> list[Step]:
+    def plan(
+        self, view: HumanView, start: FeetState, put_off: int = 0, longer: Mapping[int, int] = _NO_LONGER
+    ) -> list[Step]:
         """The steps from the start of a plan to the end of the human's frames.
 
         Args:
             put_off: ticks by which steps that are not settled yet keep more than the shortest notice.
+            longer: ticks by which steps land later, by their place in the result; of those that are not settled.
 
         Returns:
             Steps in order of time, the settled ones first.
@@ -86,7 +92,7 @@ class FootstepPlanner:
         timing, window = self.timing, view.window
         notice_s = UNHURRIED_S if start.at_rest and not start.settled else NOTICE_S
         earliest, insertable = (view.tick + timing.ticks(s) + put_off for s in (notice_s, UNHURRIED_S))
-        made = _Sequence(start, timing, earliest)
+        made = _Sequence(start, timing, earliest, longer)
         end = view.tick_at(window.end_s)
         dropped = 0
         for swing in window.swings:
@@ -122,12 +128,13 @@ class FootstepPlanner:
             made.steps[0] = replace(made.steps[0], notice_s=max(notice_s, made.steps[0].notice_s))
         return made.steps
 
-    def gather(self, steps: list[Step], feet: Float, after: int) -> list[Step]:
+    def gather(self, steps: list[Step], feet: Float, after: int, longer: Mapping[int, int] = _NO_LONGER) -> list[Step]:
         """The steps, and one more that puts the feet side by side if they would not end so.
 
         Args:
             feet: poses of both feet before the steps, (2, 4) [m, m, m, rad].
             after: first tick from which the robot has nothing else to do.
+            longer: ticks by which the step after them lands later, by its place.
         """
         feet = feet.copy()
         for step in steps:
@@ -141,7 +148,7 @@ class FootstepPlanner:
         lift = after + self.timing.ticks(UNHURRIED_S)
         # The last step must end beside the other foot: a long or turning one takes more time.
         seconds = max(INSERTED_SWING_S, self.swings.shortest_s(0, left, beside))
-        land = lift + int(np.ceil(seconds * self.timing.rate))
+        land = lift + int(np.ceil(seconds * self.timing.rate)) + longer.get(len(steps), 0)
         # It uses up no swing of the human.
         last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
@@ -211,7 +218,7 @@ class FootstepPlanner:
             step = self._step(view, made, side, (lift, land), (second, (second, second)), float(made.consumed[side]))
             made.add(replace(step, inserted=True, notice_s=UNHURRIED_S))
             free = np.maximum(made.free, earliest)
-            lift = land + self.timing.pause
+            lift = made.steps[-1].land + self.timing.pause
 
     def _errors(self, view: HumanView, made: _Sequence, second: float) -> Float:
         """Distance of both feet from their footholds at a source time, over the distance that is corrected, (2,)."""
@@ -260,10 +267,11 @@ class _Sequence:
     Args:
         start: where the steps start; its settled steps are the first.
         earliest: tick from which further steps may lift.
+        longer: ticks by which further steps land later, by their place.
     """
 
-    def __init__(self, start: FeetState, timing: StepTiming, earliest: int) -> None:
-        self.timing = timing
+    def __init__(self, start: FeetState, timing: StepTiming, earliest: int, longer: Mapping[int, int]) -> None:
+        self.timing, self.longer = timing, longer
         self.steps: list[Step] = []
         self.feet, self.human_feet, self.consumed = start.feet.copy(), start.human_feet.copy(), start.consumed.copy()
         self.free = np.maximum(start.free, earliest)
@@ -277,6 +285,7 @@ class _Sequence:
 
     def add(self, step: Step) -> None:
         """Append a step."""
+        step = step.longer(self.longer.get(len(self.steps), 0))
         self.steps.append(step)
         self.feet[step.side], self.human_feet[step.side] = step.target, step.human
         self.consumed[step.side] = max(self.consumed[step.side], step.consumed_s)

@@ -2,8 +2,8 @@
 
 The jump e0 decays to zero over a time T. That displaces the zero-moment point by up to the maximum of
 `balance.absorb_offset(T)` times e0, which is larger for a shorter T. The zero-moment point of a plan is between the
-centres of the soles, so a displacement within part of one sole stays within the support polygon, in single and double
-support.
+soles, less than half of a half sole from the line between their centres, so a displacement within the other half stays
+within the support polygon, in single and double support.
 """
 
 from __future__ import annotations

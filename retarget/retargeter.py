@@ -36,6 +36,8 @@ from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.retarget.state import RetargetState, StateLayout
 from flexmotion.retarget.swing import Swings
+from flexmotion.retarget.swing_check import SwingCheck
+from flexmotion.retarget.swing_effort import SwingEffort
 from flexmotion.retarget.torques import JointTorques
 from flexmotion.retarget.view import HumanView, forget_human, view_human
 from flexmotion.retarget.walk import WalkPlanner
@@ -88,7 +90,17 @@ class Retargeter:
                 f"{robot.name} cannot insert steps in shorter plans"
             )
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
-        self.walks = WalkPlanner(self.footsteps, absorber, self.rate)
+        check = SwingCheck(
+            self.swings,
+            SwingEffort(robot, self.body.legs, self.omega),
+            self.body,
+            float(self.follower.omega[0]),
+            self.footsteps.timing.pause,
+            self.rate,
+            settings.replan_s,
+        )
+        sole = float(robot.sole_half_size[:, 0].min())
+        self.walks = WalkPlanner(self.footsteps, absorber, check, sole, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
         self.legs = np.concatenate([leg.indices for leg in self.body.legs])

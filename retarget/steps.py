@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,10 @@ class Step:
     def stance(self) -> int:
         """The foot on the ground during the step."""
         return 1 - self.side
+
+    def longer(self, ticks: int) -> Step:
+        """Return this step with a swing that is longer by some ticks."""
+        return replace(self, land=self.land + ticks) if ticks else self
 
 
 def settled_from(steps: list[Step], rate_hz: float) -> Float:

@@ -147,7 +147,27 @@ class SwingEffort:
             Signed shares of the torque that they give, of the torque that the supply drives against back-EMF, and of
             the greatest speed, (B, ROWS - 2, 3, 6). NaN where the leg cannot reach.
         """
-        q, torso, rotation = self._joints(progress, lift, travel, seconds)
+        return self._shares(*self._joints(progress, lift, travel, seconds), seconds)
+
+    def asked_over(self, mirrored: NDArray[np.bool_], soles: Float, torso: Float, seconds: Float) -> Float:
+        """What swings ask while the torso moves as it is planned, over what the servos give.
+
+        Args:
+            mirrored: which swings are of the right leg, (B,).
+            soles: x, y, z of the sole's centre and yaw, (B, ROWS, 4) [m, m, m, rad].
+            torso: x, y, height of the hips over the ankle of a foot on the ground and yaw, (B, ROWS, 4) [m, m, m, rad].
+            seconds: duration of the swings, (B,) [s].
+
+        Returns:
+            As `asked`.
+        """
+        mirror = np.where(mirrored[:, None, None], [1.0, -1.0, 1.0, -1.0], 1.0)
+        soles, torso = mirror * soles, mirror * torso
+        position = torso[..., :3] - [0.0, 0.0, self.leg.sole[2] + self.leg.hip[2]]
+        return self._shares(*self._solved(position, torso[..., 3], soles), seconds)
+
+    def _shares(self, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
+        """What joint paths of swings ask; returns as `asked`, arguments as `_joints` returns them."""
         rows = q.shape[:2]
         anchors, axes, centres = (
             part.reshape(*rows, 6, 3)
@@ -183,17 +203,24 @@ class SwingEffort:
         along = share[:, None] * np.sinh(half * (2.0 * self.phase - 1.0)) / (2.0 * np.sinh(half))
         middle = progress - 0.5
         foot, torso = middle[..., None] * travel[:, None], along[..., None] * travel[:, None]
-        rows = progress.size
-        rotation = yaw_matrices(torso[..., 2].reshape(-1))
-        position = np.zeros((rows, 3))
-        position[:, :2], position[:, 2] = torso[..., :2].reshape(-1, 2), self._height
-        sole = np.zeros((rows, 3))
-        sole[:, :2] = foot[..., :2].reshape(-1, 2) + (self.leg.hip + self.leg.sole)[:2]
-        sole[:, 2] = lift.reshape(-1)
-        q, missing = self.leg.solve(position, rotation, sole, yaw_matrices(foot[..., 2].reshape(-1)))
+        position = np.concatenate([torso[..., :2], np.full((*progress.shape, 1), self._height)], axis=-1)
+        ahead = foot[..., :2] + (self.leg.hip + self.leg.sole)[:2]
+        soles = np.concatenate([ahead, lift[..., None], foot[..., 2:]], axis=-1)
+        return self._solved(position, torso[..., 2], soles)
+
+    def _solved(self, position: Float, yaw: Float, soles: Float) -> tuple[Float, Float, Float]:
+        """Joint angles for poses of the torso, upright, and of the sole; returns as `_joints`.
+
+        Args:
+            position: of the torso, (B, ROWS, 3) [m]; yaw: of the torso, (B, ROWS) [rad].
+            soles: x, y, z, yaw, (B, ROWS, 4) [m, m, m, rad].
+        """
+        rotation = yaw_matrices(yaw.reshape(-1))
+        sole = soles.reshape(-1, 4)
+        q, missing = self.leg.solve(position.reshape(-1, 3), rotation, sole[:, :3], yaw_matrices(sole[:, 3]))
         q[missing > 1e-6] = np.nan
-        shape = progress.shape
-        return q.reshape(*shape, 6), position.reshape(*shape, 3), rotation.reshape(*shape, 3, 3)
+        shape = yaw.shape
+        return q.reshape(*shape, 6), position, rotation.reshape(*shape, 3, 3)
 
 
 def _about(axis: Float, angle: Float) -> Float:

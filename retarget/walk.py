@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from flexmotion.retarget.joining import Absorbed, JoinAbsorber
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
 from flexmotion.retarget.state import RetargetState
 from flexmotion.retarget.steps import Step
+from flexmotion.retarget.swing_check import Sway, SwingCheck
 from flexmotion.retarget.view import HumanView
 
 Float = NDArray[np.float64]
@@ -24,6 +27,13 @@ _AT_REST_S = 0.4
 _PUT_OFF_S = (0.1, 0.2)
 """How much longer notice new steps may be given where the weight cannot be moved in time; each try costs a twentieth of
 a plan."""
+_ROLL, _MOST_ROLL = 0.2, 0.4
+"""The zero-moment point is ahead of a sole's centre by this share of the way by which the other foot is ahead, and at
+most by this share of half a sole. The hips then move more evenly. Of 6 runs of changing clips (swings that are given
+time, both): legs lag by 1.3° (median) instead of 1.6; in perturbed walks soles slip by 1.5 mm/s instead of 4.5, knees
+are 3° late (p95) instead of 6 to 10."""
+_TRIES = 2
+"""How often steps are given more time in one plan."""
 
 
 @dataclass(frozen=True)
@@ -49,25 +59,59 @@ class WalkPlanner:
     Args:
         footsteps: chooses the steps.
         absorber: lets the divergent component start where the last plan left it.
+        check: gives swings the time that they need.
+        sole_half_length: from a sole's centre to its toe edge [m].
         rate_hz: loop ticks a second.
     """
 
-    def __init__(self, footsteps: FootstepPlanner, absorber: JoinAbsorber, rate_hz: float) -> None:
-        self.footsteps, self.absorber, self.rate = footsteps, absorber, rate_hz
+    def __init__(
+        self,
+        footsteps: FootstepPlanner,
+        absorber: JoinAbsorber,
+        check: SwingCheck,
+        sole_half_length: float,
+        rate_hz: float,
+    ) -> None:
+        self.footsteps, self.absorber, self.check, self.rate = footsteps, absorber, check, rate_hz
+        self._most_roll = _MOST_ROLL * sole_half_length
         self._put_off = [int(round(seconds * rate_hz)) for seconds in _PUT_OFF_S]
 
     def follow(self, state: RetargetState, view: HumanView) -> Walk:
-        """The human's walk; steps that would move the weight too fast for the soles are put off.
+        """The human's walk; steps that would move the weight or a leg too fast are put off, or take longer.
 
         Args:
             state: where the plan resumes.
         """
         start = self._feet_state(state, view.tick)
-        best = self._try(state, view, start, 0)
+        make = partial(self._in_time, state, view, start)
+        return self._with_time(state, len(start.settled), make, last=not view.whole)
+
+    def _with_time(
+        self, state: RetargetState, settled: int, make: Callable[[Mapping[int, int]], Walk], *, last: bool
+    ) -> Walk:
+        """The walk whose swings have the time that they need.
+
+        Args:
+            settled: number of its steps that are settled.
+            make: lays it out with some steps lengthened by ticks.
+            last: no plan may follow.
+        """
+        longer: dict[int, int] = {}
+        for _ in range(_TRIES):
+            walk = make(longer)
+            com, _ = balance.centre_of_mass(walk.balance.dcm, state.com, self.absorber.omega, self.absorber.dt)
+            sway = Sway(walk.ticks, walk.schedule, com)
+            if not self.check.lengthen(longer, walk.steps, settled, state, sway, last=last):
+                return walk
+        return make(longer)
+
+    def _in_time(self, state: RetargetState, view: HumanView, start: FeetState, longer: Mapping[int, int]) -> Walk:
+        """The human's walk; steps that would move the weight too fast for the soles are put off."""
+        best = self._try(state, view, start, 0, longer)
         for put_off in self._put_off:
             if best.balance.excess <= 1.0:
                 break
-            later = self._try(state, view, start, put_off)
+            later = self._try(state, view, start, put_off, longer)
             if later.balance.excess < best.balance.excess:
                 best = later
         return best
@@ -79,8 +123,12 @@ class WalkPlanner:
             state: where the plan resumes, at `tick`.
         """
         start = self._feet_state(state, tick)
-        steps = self.footsteps.gather(start.settled, start.feet, tick)
-        return self._lay_out(state, steps, tick, None)
+
+        def make(longer: Mapping[int, int]) -> Walk:
+            settled = [step.longer(longer.get(k, 0)) for k, step in enumerate(start.settled)]
+            return self._lay_out(state, self.footsteps.gather(settled, start.feet, tick, longer), tick, None)
+
+        return self._with_time(state, len(start.settled), make, last=True)
 
     def stands_at(self, state: RetargetState, tick: int) -> Float:
         """Middle of the feet and their heading at the end of a stop, (3,) [m, m, rad]; arguments as of `stop`."""
@@ -91,12 +139,14 @@ class WalkPlanner:
         middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
         return middle
 
-    def _try(self, state: RetargetState, view: HumanView, start: FeetState, put_off: int) -> Walk:
-        """The walk with its new steps put off by some ticks."""
-        steps = self.footsteps.plan(view, start, put_off)
+    def _try(
+        self, state: RetargetState, view: HumanView, start: FeetState, put_off: int, longer: Mapping[int, int]
+    ) -> Walk:
+        """The walk with its new steps put off by some ticks, and some of them lengthened."""
+        steps = self.footsteps.plan(view, start, put_off, longer)
         # Where the frames end before the horizon this plan is the last one: it is played to its end.
         if not view.whole:
-            steps = self.footsteps.gather(steps, start.feet, view.end_tick)
+            steps = self.footsteps.gather(steps, start.feet, view.end_tick, longer)
         return self._lay_out(state, steps, view.tick, view)
 
     def _feet_state(self, state: RetargetState, tick: int) -> FeetState:
@@ -137,6 +187,25 @@ class WalkPlanner:
 
     def _balance(self, state: RetargetState, schedule: Schedule) -> Absorbed:
         share = schedule.share[:, None]
-        zmp = (1.0 - share) * schedule.feet[:, 0, :2] + share * schedule.feet[:, 1, :2]
+        left, right = schedule.feet[:, 0], schedule.feet[:, 1]
+        roll = _roll(left, right, self._most_roll)
+        zmp = (1.0 - share) * (left[:, :2] + roll) + share * (right[:, :2] - roll)
         dcm = balance.divergent_component(zmp, self.absorber.omega, self.absorber.dt)
         return self.absorber.absorb(zmp, dcm, state.dcm, float(schedule.feet[0, :, 3].mean()))
+
+
+def _roll(left: Float, right: Float, most: float) -> Float:
+    """Displacement of the zero-moment point ahead on the left foot, and back on the right, (T, 2) [m].
+
+    It is a share of how far the other foot is ahead, so that it rolls over the sole of the standing foot while the
+    other passes it, and the hips move evenly.
+
+    Args:
+        left, right: soles, (T, 4) [m, m, m, rad].
+        most: bound of it [m].
+    """
+    yaw = 0.5 * (left[:, 3] + right[:, 3])
+    ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    way = np.sum((right - left)[:, :2] * ahead, axis=1)
+    found: Float = np.clip(_ROLL * way, -most, most)[:, None] * ahead
+    return found

@@ -67,3 +67,20 @@ def test_braking_has_more_torque_than_driving(effort: SwingEffort) -> None:
     drives = torque * speed > 0.5 * limits.usable
     assert brakes.any() and drives.any()
     assert given[brakes].min() > 1.5 * given[drives].max()
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_a_swing_over_given_hips_asks_what_the_steady_walk_does_over_the_same(effort: SwingEffort, right: bool) -> None:
+    progress, lift = swing(effort)
+    _, torso, _ = effort._joints(progress, lift, TRAVEL, SECONDS)
+    foot = (progress - 0.5)[..., None] * TRAVEL[:, None]
+    leg, gait = effort.leg, effort.gait
+    soles = np.dstack([foot[..., :2] + (leg.hip + leg.sole)[:2], lift, foot[..., 2]])
+    half = 0.5 * effort.omega * SECONDS[0]
+    share = 0.5 * SECONDS[0] / (SECONDS[0] + gait.double_support_min_s)
+    turned = TRAVEL[0, 2] * share * np.sinh(half * (2.0 * effort.phase - 1.0)) / (2.0 * np.sinh(half))
+    hips = np.dstack([torso[..., :2], np.full_like(lift, gait.walk_hip_height), turned[None]])
+    if right:
+        soles, hips = soles * [1.0, -1.0, 1.0, -1.0], hips * [1.0, -1.0, 1.0, -1.0]
+    found = effort.asked_over(np.array([right]), soles, hips, SECONDS)
+    np.testing.assert_allclose(found, effort.asked(progress, lift, TRAVEL, SECONDS), atol=1e-9)

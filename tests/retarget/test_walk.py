@@ -56,6 +56,7 @@ def test_a_stop_makes_the_settled_steps_and_no_other(retargeter: Retargeter, sta
     home = retargeter.body.home_feet
     stopped = retargeter.walks.stop(state, 100)
     assert stopped.steps == [] and stopped.schedule.contacts.all()
+    state.position[0] = retargeter.gait.walk_hip_height
     settled = Step(1, 110, 160, home[1].copy(), home[1] + [0.08, 0.0, 0.0, 0.0], 1.0)
     state.steps = pack_steps([settled], SETTLED_STEPS)
     first, last = retargeter.walks.stop(state, 100).steps
@@ -76,3 +77,20 @@ def test_a_step_that_would_move_the_weight_too_fast_is_put_off(
     state.dcm = 0.0
     later = retargeter.walks.follow(state, view(walk, now))
     assert soon.steps[0].lift + round(0.1 * RATE) <= later.steps[0].lift <= soon.steps[0].lift + round(0.2 * RATE)
+
+
+def test_the_zero_moment_point_rolls_over_the_sole_of_the_standing_foot(
+    retargeter: Retargeter, state: RetargetState, view: Views, walk: Motion
+) -> None:
+    """From behind its centre to ahead of it, for hips that move evenly; on the centres where the robot stands."""
+    walked = retargeter.walks.follow(state, view(walk))
+    schedule = walked.schedule
+    half = retargeter.robot.sole_half_size[:, 0].min()
+    seen = 0
+    for step in walked.steps[2:6]:
+        rows = (walked.ticks >= step.lift) & (walked.ticks < step.land)
+        ahead = walked.balance.zmp[rows, 0] - schedule.feet[rows, step.stance, 0]
+        assert ahead[0] < -0.01 and ahead[-1] > 0.01
+        assert np.abs(ahead).max() < 0.5 * half
+        seen += 1
+    assert seen == 4
