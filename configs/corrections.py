@@ -22,8 +22,8 @@ class Corrections(Strict):
 
     Attributes:
         standing_noise: noise scale while standing, relative to other motions.
-        travelling_noise: most noise of windows that travel. With less of it bodies turn less from window to window; with
-            too little slow walks stand, which is the mean of standing and stepping.
+        travelling_noise: most noise of windows that travel. Less of it makes bodies turn less from window to window;
+            with too little, slow walks stand: the mean of standing and stepping.
         spot_noise: the same for turning on the spot, which is done with raised hands and bent knees otherwise.
         ahead: forward velocities that are wanted, and those to ask for, (wanted, asked) in growing order [m/s]; linear
             between them, and parallel to what is wanted beyond them. None: as wanted.

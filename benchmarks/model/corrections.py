@@ -78,7 +78,7 @@ def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity
     """Velocity of every kind of motion that travels by its words alone; those that mean a velocity are left out."""
     found = {}
     for kind in track(sorted(set(sampler.bundle.prompts.kinds)), "kinds", console=Console(stderr=True)):
-        if phrases.velocity(kind) is not None or phrases.limbs(kind) != {"leg"}:
+        if phrases.velocity(kind) is not None or "leg" not in (phrases.limbs(kind) or ()):
             continue
         texts = phrases.wordings(kind)[:WORDINGS]
         draws = [settled(sampler, seconds, seed, text=texts[seed % len(texts)]) for seed in range(samples)]
