@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
 from flexmotion.bundles.card import CARD  # noqa: E402
-from flexmotion.bundles.manifest import CORRECTIONS_OF_3, read_corrections  # noqa: E402
+from flexmotion.bundles.manifest import read_corrections  # noqa: E402
 from flexmotion.bundles.shipped import FOLDER  # noqa: E402
 from flexmotion.configs.corrections import Corrections  # noqa: E402
 from flexmotion.configs.errors import ConfigError  # noqa: E402
@@ -137,5 +137,5 @@ def test_corrections_are_named_at_the_export(trained: Run, tmp_path: Path, capsy
     assert "speeds.runn: unknown kind" in capsys.readouterr().err
     assert execute([*export, "--corrections", str(FOLDER)]) == 0
     assert missing not in capsys.readouterr().err
-    assert read_corrections(tmp_path / "bundle") == CORRECTIONS_OF_3
+    assert read_corrections(tmp_path / "bundle") == read_corrections(FOLDER) != Corrections()
     assert "--corrections CORRECTIONS" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")

@@ -66,7 +66,7 @@ def test_sentences_that_cannot_be_learnt_are_refused(tmp_path: Path, capsys: pyt
     ours, full = tmp_path / "ours.yaml", tmp_path / "full"
     ours.write_text("sit: [take a seat]\n")
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
-    assert "'take a seat' is of kind 'sit'; the model knows bow, " in capsys.readouterr().err
+    assert "'take a seat' is of kind 'sit'; the model knows arms-forward, " in capsys.readouterr().err
     ours.write_text("walk: [go to the bus stop]\n")
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
     assert "forbids a motion" in capsys.readouterr().err

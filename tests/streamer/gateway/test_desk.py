@@ -466,18 +466,18 @@ def test_a_part_replaces_no_target_of_another_part_nor_of_the_body(make_office: 
     """A hand that is dragged must not drop the velocity that a stick sends beside it."""
     office = make_office(coalesce_s=0.005)
     office.ask(WALK)
-    for side, identity in (("left", "l1"), ("right", "r1"), ("left", "l2"), ("left", "l3")):
+    for side, identity in (("left", "l0"), ("left", "l1"), ("right", "r1"), ("left", "l2"), ("left", "l3")):
         office.ask(HAND % (side, identity))
-    clock.now += 0.01
+    clock.now += 0.02
     office.desk.pump()
     arrived = office.run.arrived()
-    assert [type(target.intent).__name__ for target in arrived] == ["Velocity", "Hand", "Hand", "Hand"]
+    assert [type(target.intent).__name__ for target in arrived] == ["Velocity", "Hand", "Hand", "Hand", "Hand"]
     assert [answer.id for answer in office.told] == ["l2"] and office.states == ["superseded"]
     for target in reversed(arrived):
         office.run.answer(target.id)
         office.desk.pump()
-    # The newest left hand supersedes the one before it, which the planner has not answered.
-    assert Counter(office.states) == {"accepted": 3, "superseded": 2}
+    # The newest left hand supersedes those before it, which the planner has not answered.
+    assert Counter(office.states) == {"accepted": 3, "superseded": 3}
     assert office.desk.following is not None and "velocity" in office.desk.following.asked
 
 
