@@ -101,19 +101,25 @@ def held_shortly(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> Robot:
 
 
 @pytest.mark.parametrize(
-    ("blocked", "lies"),
-    [("l_knee", ()), ("l_knee", ("false_speed:14:0.35@2.0",)), ("r_knee", ()), ("l_ank_pitch", ())],
+    ("blocked", "at_s", "lies"),
+    # One moment of seven throws a robot whose ankle freezes in a step.
+    [
+        ("l_knee", 2.0, ()),
+        ("l_knee", 2.0, ("false_speed:14:0.35@2.0",)),
+        ("r_knee", 2.0, ()),
+        ("l_ank_pitch", 2.15, ()),
+    ],
     ids=["l_knee", "l_knee, its speed reads as moving", "r_knee", "l_ank_pitch"],
 )
 def test_a_robot_that_walks_with_a_blocked_leg_is_frozen_and_stands(
-    held_shortly: Robot, steps: Motion, blocked: str, lies: tuple[str, ...]
+    held_shortly: Robot, steps: Motion, blocked: str, at_s: float, lies: tuple[str, ...]
 ) -> None:
     """A blocked knee was named as the robot fell, 6.7 s later, or never if its speed register was stuck at 0.35 rad/s.
 
     The plan was played on to its stop with it, and then the robot was lowered to its rest pose: it fell in both.
     """
     id_ = held_shortly.joints[held_shortly.index(blocked)].id
-    run = through_bytes(held_shortly, f"blocked:{id_}@2.0", *lies, motion=steps)
+    run = through_bytes(held_shortly, f"blocked:{id_}@{at_s}", *lies, motion=steps)
     assert f"servo of {blocked} (id {id_}) does not follow its goals" in run.end
     assert "it stands still while they lead it" in run.end
     (named,) = [event.tick for event in run.record.events if "STREAMING -> HOLD" in event.message]

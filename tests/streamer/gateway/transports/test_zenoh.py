@@ -93,7 +93,7 @@ class Client:
             return bool(answers)
 
         wait_until(probe, "the subscriber to be known", every_s=0.2)
-        wait_until(lambda: any(answer["id"] == probes[-1] for answer in answers), "the answer to the last probe")
+        wait_until(lambda: any(answer.get("id") == probes[-1] for answer in answers), "the answer to the last probe")
         answers[:] = [answer for answer in answers if answer["id"] not in probes]
 
 
