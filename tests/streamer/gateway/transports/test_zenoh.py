@@ -94,7 +94,7 @@ class Client:
 
         wait_until(probe, "the subscriber to be known", every_s=0.2)
         wait_until(lambda: any(answer.get("id") == probes[-1] for answer in answers), "the answer to the last probe")
-        answers[:] = [answer for answer in answers if answer["id"] not in probes]
+        answers[:] = [answer for answer in answers if answer.get("id") not in probes]
 
 
 @pytest.fixture
