@@ -227,6 +227,9 @@ class Desk:
     def _target(self, asked: Asked) -> None:
         asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
         part = _part_of(asked)
+        if isinstance(asked.intent, Relax):
+            for let_go in [one for one in self._waiting if one != _WHOLE and asked.intent.part in ("all", one)]:
+                self._reply(self._waiting.pop(let_go), "superseded", "the part was let go after it")
         if part in self._waiting:
             self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")
         if self._may_send(part, asked.since_s):
@@ -270,9 +273,10 @@ class Desk:
     def _answered(self, heard: Heard) -> None:
         """Reply to a target; older ones that the planner has never seen are superseded."""
         part = _part_of(self._open[heard.id]) if heard.id in self._open else None
-        for number in [one for one, asked in self._open.items() if one < heard.id and _part_of(asked) == part]:
-            # The planner looks at the newest target; one that it answers now is newer.
-            if heard.state != "superseded":
+        if part == _WHOLE and heard.state != "superseded":
+            # The planner looks at the newest target for the whole body; one that it answers now is newer. It answers
+            # every target for a part.
+            for number in [one for one, asked in self._open.items() if one < heard.id and _part_of(asked) == _WHOLE]:
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
         asked = self._open.pop(heard.id, None)
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
@@ -371,4 +375,4 @@ def _part_of(asked: Asked) -> str:
     intent = None if asked.intent is None else part_of_words(asked.intent) or asked.intent
     if not isinstance(intent, PartIntent):
         return _WHOLE
-    return "relax" if isinstance(intent, Relax) else intent.part
+    return f"relax {intent.part}" if isinstance(intent, Relax) else intent.part

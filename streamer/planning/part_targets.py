@@ -112,6 +112,8 @@ class PartTargets:
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know all targets."""
+        if not plan and not (self._waiting or self._holding or self._relaxed):
+            return False  # no plan plays, and nothing is asked: what is over needs none
         known = self._made.get(plan, 0) == self._revision
         return not known and tick >= self._planned_tick + _BETWEEN_S * self._rate
 

@@ -171,7 +171,7 @@ class Replanner:
                 exact=self._runner is not None and self._runner.faces,
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
                 drift=self._drift.value,
-                checkpoint=partial(self._check_urgency, kind, target, new),
+                checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
                 settle=None if self._lockstep else settle,
             )
         except Superseded:
@@ -338,17 +338,18 @@ class Replanner:
         runner, mirroring = self._runner, self._mirroring
         return (runner is not None and runner.wanted is not None) or (mirroring is not None and mirroring.wanted)
 
-    def _check_urgency(self, kind: Kind, target: Target, new: bool) -> None:
+    def _check_urgency(self, kind: Kind, target: Target, new: bool, halts: bool) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made.
 
         Args:
             target: that it follows; `new`: it is the first plan that does.
+            halts: it obeys a stop already; a plan that stands for another reason may still lead arms.
         """
         if not (self.ledger.has_target or self.ticks.count > self._checked):
             return
         self._checked = self.ticks.count
         row = self._newest_row()
-        stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
+        stop = row is not None and bool(row.must_stop) and not halts
         self.ledger.take()
         redrawn = kind is Kind.WHOLE and self.ledger.wanted.id > target.id
         newer = self.ledger.replaces(target) if new else redrawn

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -476,9 +477,23 @@ def test_a_part_replaces_no_target_of_another_part_nor_of_the_body(make_office: 
     for target in reversed(arrived):
         office.run.answer(target.id)
         office.desk.pump()
-    # The newest left hand supersedes those before it, which the planner has not answered.
-    assert Counter(office.states) == {"accepted": 3, "superseded": 3}
+    # The planner answers every hand: a newer one that it refuses leaves the one before it as it is.
+    assert Counter(office.states) == {"accepted": 5, "superseded": 1}
     assert office.desk.following is not None and "velocity" in office.desk.following.asked
+
+
+def test_a_hand_that_is_let_go_does_not_go_back_to_where_it_was_dragged(make_office: Make, clock: Clock) -> None:
+    """The last of a burst of hand targets waited, the release did not, and the hand target was sent after it."""
+    office = make_office(coalesce_s=0.005)
+    for identity in ("h1", "h2", "h3"):
+        office.ask(HAND % ("left", identity))
+    for part in ("left hand", "head", "right hand"):
+        office.ask(json.dumps({"type": "relax", "part": part}))
+    clock.now += 0.02
+    office.desk.pump()
+    arrived = [target.intent for target in office.run.arrived()]
+    assert [type(intent).__name__ for intent in arrived] == ["Hand", "Hand", "Relax", "Relax", "Relax"]
+    assert [answer.id for answer in office.told] == ["h3"] and office.states == ["superseded"]
 
 
 def test_a_part_holds_for_its_time_to_live_or_that_of_the_settings_after_it_is_there(make_office: Make) -> None:
