@@ -42,7 +42,7 @@ RUN_FROM = 2.0
 """Humans change between walking and running at about this speed [m/s]."""
 
 SPOT = 0.25
-"""Who turns and is slower than this turns on the spot [m/s]."""
+"""A turn at a lower speed than this is a turn on the spot [m/s]."""
 
 BACK_FROM = 0.1
 """The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""

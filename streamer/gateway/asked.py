@@ -15,6 +15,9 @@ from flexmotion.text.alarm import is_alarm
 
 Reply = Callable[[Answer], None]
 
+WHOLE_BODY = "whole body"
+"""The part of targets that are none for a part."""
+
 _SOURCES = 256
 """Sources whose sequence numbers are remembered."""
 
@@ -33,6 +36,8 @@ class Asked:
     due_s: float = math.inf
     """When the gateway answers by itself [s]."""
     intent: Intent | None = None
+    part: str = WHOLE_BODY
+    """Of a target: the part of the body that it is for."""
     holds_s: float = math.inf
     tick: int = -1
     """Of a request: the tick before which the loop took it."""

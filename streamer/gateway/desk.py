@@ -18,7 +18,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences, asked_of
+from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, Reply, Sequences, asked_of
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
@@ -41,7 +41,7 @@ from flexmotion.streamer.gateway.messages import (
 )
 from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
-from flexmotion.streamer.motion.intents import to_content
+from flexmotion.streamer.motion.intents import Intent, to_content
 from flexmotion.streamer.motion.part_intents import PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
@@ -67,8 +67,6 @@ _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
-_WHOLE = "whole body"
-"""The part of targets that are none for a part."""
 
 
 class Desk:
@@ -225,10 +223,11 @@ class Desk:
         return self.settings.velocity_holds_s if isinstance(message, VelocityMessage) else math.inf
 
     def _target(self, asked: Asked) -> None:
-        asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
-        part = _part_of(asked)
-        if isinstance(asked.intent, Relax):
-            for let_go in [one for one in self._waiting if one != _WHOLE and asked.intent.part in ("all", one)]:
+        intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
+        asked.intent, part = intent, _part_of(intent)
+        asked.part = part
+        if isinstance(intent, Relax):
+            for let_go in [one for one in self._waiting if one != WHOLE_BODY and intent.part in ("all", one)]:
                 self._reply(self._waiting.pop(let_go), "superseded", "the part was let go after it")
         if part in self._waiting:
             self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")
@@ -250,7 +249,7 @@ class Desk:
         except ConfigError as error:
             self._reply(asked, "refused", str(error))
             return
-        self._sent_s.setdefault(_part_of(asked), deque(maxlen=_AT_ONCE)).append(now)
+        self._sent_s.setdefault(asked.part, deque(maxlen=_AT_ONCE)).append(now)
         asked.due_s = now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
         self.sources[target.id] = asked.message.source
@@ -272,11 +271,11 @@ class Desk:
 
     def _answered(self, heard: Heard) -> None:
         """Reply to a target; older ones that the planner has never seen are superseded."""
-        part = _part_of(self._open[heard.id]) if heard.id in self._open else None
-        if part == _WHOLE and heard.state != "superseded":
+        part = self._open[heard.id].part if heard.id in self._open else None
+        if part == WHOLE_BODY and heard.state != "superseded":
             # The planner looks at the newest target for the whole body; one that it answers now is newer. It answers
             # every target for a part.
-            for number in [one for one, asked in self._open.items() if one < heard.id and _part_of(asked) == _WHOLE]:
+            for number in [one for one, asked in self._open.items() if one < heard.id and asked.part == WHOLE_BODY]:
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
         asked = self._open.pop(heard.id, None)
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
@@ -296,7 +295,7 @@ class Desk:
             dropped=heard.dropped or None,
             notes=heard.notes or None,
         )
-        if part != _WHOLE:
+        if part != WHOLE_BODY:
             return
         if told.state in _FOLLOWED and asked.intent is not None:
             content = to_content(asked.intent)
@@ -370,9 +369,9 @@ class Desk:
         return None if row is None else TickRow(row)
 
 
-def _part_of(asked: Asked) -> str:
+def _part_of(asked: Intent | None) -> str:
     """The part of the body that a target is for: newer ones replace older ones of the same part."""
-    intent = None if asked.intent is None else part_of_words(asked.intent) or asked.intent
+    intent = None if asked is None else part_of_words(asked) or asked
     if not isinstance(intent, PartIntent):
-        return _WHOLE
+        return WHOLE_BODY
     return f"relax {intent.part}" if isinstance(intent, Relax) else intent.part

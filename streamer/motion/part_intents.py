@@ -59,7 +59,16 @@ def _told(values: Vector) -> str:
 
 
 @dataclass(frozen=True)
-class Hand:
+class _Logged:
+    """An intent whose fields logs hold."""
+
+    def content(self) -> dict[str, Any]:
+        """The intent as logs hold it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Hand(_Logged):
     """Bring a hand to a place.
 
     Attributes:
@@ -82,10 +91,6 @@ class Hand:
         _require_vector("hand: place", self.place, FARTHEST_HAND_M)
         _require_timing("hand", self.in_s, self.tolerance, FARTHEST_HAND_M)
 
-    def content(self) -> dict[str, Any]:
-        """The intent as logs hold it."""
-        return asdict(self)
-
     @property
     def part(self) -> str:
         """Name of the part of the body."""
@@ -96,7 +101,7 @@ class Hand:
 
 
 @dataclass(frozen=True)
-class Point:
+class Point(_Logged):
     """Point somewhere with an arm, almost straight from shoulder to hand.
 
     Attributes:
@@ -120,10 +125,6 @@ class Point:
         _require_direction("point: direction", self.direction)
         _require_timing("point", self.in_s, self.tolerance, _WIDEST_RAD)
 
-    def content(self) -> dict[str, Any]:
-        """See `Hand.content`."""
-        return asdict(self)
-
     @property
     def part(self) -> str:
         """See `Hand.part`: an arm that points has its hand nowhere else."""
@@ -134,7 +135,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Look:
+class Look(_Logged):
     """Look into a direction with the head; nothing else turns.
 
     Attributes:
@@ -155,10 +156,6 @@ class Look:
         _require_direction("look: direction", self.direction)
         _require_timing("look", self.in_s, self.tolerance, _WIDEST_RAD)
 
-    def content(self) -> dict[str, Any]:
-        """See `Hand.content`."""
-        return asdict(self)
-
     @property
     def part(self) -> str:
         """See `Hand.part`."""
@@ -169,7 +166,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class JointAngle:
+class JointAngle(_Logged):
     """Bring one joint of arms or head to an angle.
 
     Attributes:
@@ -197,10 +194,6 @@ class JointAngle:
         require_numbers("joint: angle: expected radians", (self.angle,), math.tau)
         _require_timing("joint", self.in_s, self.tolerance, _WIDEST_RAD)
 
-    def content(self) -> dict[str, Any]:
-        """See `Hand.content`."""
-        return asdict(self)
-
     @property
     def part(self) -> str:
         """See `Hand.part`."""
@@ -211,7 +204,7 @@ class JointAngle:
 
 
 @dataclass(frozen=True)
-class Relax:
+class Relax(_Logged):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
@@ -227,10 +220,6 @@ class Relax:
         require_words("relax", self.part, "the name of a part, or all")
         if len(self.part) > LONGEST_JOINT + 8 or not self.part.isprintable():
             raise ConfigError(f"relax: expected the name of a part, or all; found {self.part[:80]!r}")
-
-    def content(self) -> dict[str, Any]:
-        """See `Hand.content`."""
-        return asdict(self)
 
     def __str__(self) -> str:
         return f"relax {self.part}"
