@@ -116,19 +116,16 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
     (folder / CARD).write_text("\n".join(lines), encoding="utf-8")
 
 
-def add_figures(folder: Path, figures: Mapping[str, Mapping[str, object]]) -> None:
-    """Write figures of `evaluate` into a card; they replace earlier ones.
+def add_figures(folder: Path, table: str) -> None:
+    """Write the table of `evaluate` into a card; it replaces an earlier one.
 
     Args:
         folder: of the bundle.
-        figures: generator -> metric -> value.
+        table: as Markdown.
     """
     path = folder / CARD
     text = path.read_text(encoding="utf-8").split(FIGURES)[0].rstrip()
-    rows = dict.fromkeys(metric for found in figures.values() for metric in found)
-    lines = [f"| metric | {' | '.join(figures)} |", "|---" * (len(figures) + 1) + "|"]
-    lines += [f"| {row} | {' | '.join(str(found.get(row, '-')) for found in figures.values())} |" for row in rows]
-    path.write_text("\n".join([text, "", FIGURES, "", *lines, ""]), encoding="utf-8")
+    path.write_text("\n".join([text, "", FIGURES, "", table]), encoding="utf-8")
 
 
 def add_note(folder: Path, note: str) -> None:
