@@ -86,6 +86,7 @@ CATALOGUE = (
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),
     Benchmark("robot/steering", "15 min", (), "a fall; a stick that does not move the robot, a STOP without a stand"),
+    Benchmark("robot/course", "15 min", (), "in a minute 10 % off the asked way, 5° off the asked heading; a fall"),
     Benchmark("robot/faults", "15 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),
     Benchmark("model/hearing", "5 s", (), "below 97 %, a kind below 85 %, left taken for right; manners below 90 %"),
     Benchmark("model/manners", "5 min", (Need.TRAIN, Need.SET), "below 60 % of samples in the manner asked for"),

@@ -112,7 +112,7 @@ def asked_at(robot: Robot, velocity: Velocity) -> tuple[float, float, float]:
 
 def way_along(record: RunTrace, asked: tuple[float, float, float], rows: slice) -> tuple[Float, float]:
     """The way of the torso in the asked direction of its own heading, or its turn, at each row; and the asked speed."""
-    yaw = np.unwrap(_yaw(record.true_base[rows]))
+    yaw = np.unwrap(torso_yaw(record.true_base[rows]))
     speed = float(np.hypot(asked[0], asked[1]))
     if speed == 0.0:
         return yaw * np.sign(asked[2]), abs(asked[2])
@@ -124,12 +124,14 @@ def way_along(record: RunTrace, asked: tuple[float, float, float], rows: slice) 
     return np.concatenate([[0.0], np.cumsum(along)]), speed
 
 
-def _yaw(base: Float) -> Float:
+def torso_yaw(base: Float) -> Float:
+    """Heading of poses (T, 7), (T,) [rad], within half a turn."""
     w, x, y, z = base[:, 3:].T
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def _upright(base: Float) -> bool:
+def stays_upright(base: Float) -> bool:
+    """Whether no pose (T, 7) is tilted as a fallen robot is."""
     _, x, y, _ = base[:, 3:].T
     return bool((1 - 2 * (x * x + y * y) > UPRIGHT).all())
 
@@ -162,7 +164,7 @@ def start_of(record: RunTrace, walk: str, asked: tuple[float, float, float], tic
         moves_s=_first((recent >= SHARE * speed) & (later >= SHARE * speed), rate),
         settled_s=_first(mean >= (1.0 - SHARE) * kept, rate) + 0.5 * cycle / rate,
         kept=kept / speed,
-        upright=_upright(record.true_base[rows]),
+        upright=stays_upright(record.true_base[rows]),
     )
 
 
@@ -176,7 +178,7 @@ def stop_of(session: Session, walk: str, phase: float) -> Stopped:
     rows = slice(int(np.searchsorted(record.ticks.tick, begin)), None)
     ticks, window = record.ticks, round(WINDOW_S * rate)
     landed = np.flatnonzero((np.diff(ticks.contact_ref[rows].astype(int), axis=0) > 0).any(axis=1))
-    com, yaw = record.true_com[rows, :2], np.unwrap(_yaw(record.true_base[rows]))
+    com, yaw = record.true_com[rows, :2], np.unwrap(torso_yaw(record.true_base[rows]))
     moving = np.linalg.norm(com[window:] - com[:-window], axis=1) > STILL_M_S * WINDOW_S
     moving |= np.abs(yaw[window:] - yaw[:-window]) > STILL_RAD_S * WINDOW_S
     last_landing = (int(landed[-1]) + 1) / rate if len(landed) else 0.0
@@ -192,7 +194,7 @@ def stop_of(session: Session, walk: str, phase: float) -> Stopped:
         hold_s=_first(ticks.state[rows] == State.HOLD, rate),
         way_m=float(np.linalg.norm(com[-1] - com[0])),
         turn_rad=float(abs(yaw[-1] - yaw[0])),
-        upright=_upright(record.true_base[rows]),
+        upright=stays_upright(record.true_base[rows]),
     )
 
 

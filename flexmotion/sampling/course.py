@@ -138,11 +138,22 @@ class Course:
             course = Course(heading=measured.heading)
         travels = direction is not None
         same = course.request == request and travels == (course.direction is not None)
-        if not same:
+        if not same and self._goes_on(request):
+            # At another speed: what the turning needs stays, and the line where its direction does.
+            place = course.place if direction == course.direction else measured.place
+            course = replace(course, place=place, slow=0.0, request=request)
+        elif not same:
             course = replace(course, place=measured.place, summed=0.0, slow=0.0, request=request)
         elif not travels and measured.speed > RESTING:
             course = replace(course, place=measured.place)
         return replace(course, direction=direction)
+
+    def _goes_on(self, request: Condition) -> bool:
+        """Whether a request is the one before at another velocity."""
+        before = self.request
+        if before is None or before.velocity is None or request.velocity is None:
+            return False
+        return replace(before, velocity=None, pace=None) == replace(request, velocity=None, pace=None)
 
     def _across(self, measured: _Measured) -> float:
         """Distance to the left of the line [m]."""

@@ -59,6 +59,7 @@ class Velocity:
     Attributes:
         manner: in which to move; None: the normal one. A sentence says it; targets, scripts and logs hold velocities
             without one.
+        paced: whether it is slowed to the robot's pace; what makes up for the model's errors is not.
 
     Raises:
         ConfigError: a value is not a finite number, or beyond `FASTEST`.
@@ -68,6 +69,7 @@ class Velocity:
     left: float
     turning: float
     manner: str | None = None
+    paced: bool = True
 
     def __post_init__(self) -> None:
         value: list[Any] = [self.forward, self.left, self.turning]

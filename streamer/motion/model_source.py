@@ -186,6 +186,11 @@ class ModelSource:
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
 
+    def steer(self, intent: Intent) -> None:
+        """Follow another intent of the program from the first frame on that is not sampled yet: no motion is cut."""
+        before = [one for one in self._schedule if one[0] < self._next]
+        self._schedule = [*before, (self._next, intent), *(one for one in self._schedule if one[0] > self._next)]
+
     def finish(self, frame: int) -> None:
         """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame."""
         current = self.program_at(frame)
@@ -348,6 +353,6 @@ class ModelSource:
         match intent:
             case Text(text):
                 return Condition(text, pace=self.pace)
-            case Velocity(forward, left, turning, manner):
-                return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace)
+            case Velocity(forward, left, turning, manner, paced):
+                return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace if paced else None)
         return Condition()

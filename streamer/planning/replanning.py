@@ -106,6 +106,7 @@ class Replanner:
                 self._ended,
                 RobotSize.of(planner.retargeter.gait, planner.retargeter.swings),
                 home,
+                source.body.leg / body.leg_length,
             )
         self._mirroring: Mirroring | None = None
         if isinstance(source, MirrorSource):

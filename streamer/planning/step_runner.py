@@ -27,6 +27,7 @@ from flexmotion.streamer.planning.source_clock import SourceClock
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
+from flexmotion.streamer.planning.way_keeper import WayKeeper
 
 Float = NDArray[np.float64]
 
@@ -59,6 +60,7 @@ class StepRunner:
         on_heard: called with an answer whose steps have ended.
         size: of the robot.
         home: joint angles of the stand pose, (n,) [rad]; NaN where a joint does not count (legs).
+        scale: length of the human's legs over the robot's.
 
     Attributes:
         wanted: the intent that the human changes to; None: it goes on. `changed` confirms it.
@@ -74,9 +76,10 @@ class StepRunner:
         on_heard: Callable[[Heard], None],
         size: RobotSize,
         home: Float | None = None,
+        scale: float = 1.0,
     ) -> None:
         self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
-        self.size, self.home = size, home
+        self.size, self.home, self.scale = size, home, scale
         self.wanted: Intent | None = None
         self.facing = 0.0
         self.resting = self.over = False
@@ -85,6 +88,7 @@ class StepRunner:
         self._ends: list[HeardStep] = []
         self._at: StepProgress | None = None
         self._navigator: Navigator | None = None
+        self._keeper: WayKeeper | None = None  # of a velocity without an amount
         self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
         self._clock = SourceClock(rate_hz)
         self._walked_tick = -(10**9)
@@ -117,6 +121,8 @@ class StepRunner:
             return navigator.asked
         if step.stands:
             self.resting = self._walks(row, rested=rested) or (rested and not is_raised(row, self.home))
+        if self._keeper is not None and self._is_kept(step):
+            return self._keeper.asked  # the same once more: what was learnt of it stays
         return None
 
     def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
@@ -146,6 +152,10 @@ class StepRunner:
             self._program = program  # at another speed
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
         self.over = self.resting and self.source.is_over(frame)
+        if self._keeper is not None and np.isfinite(row.odometry).all():
+            asked = self._keeper.update(row.odometry, int(row.tick) / self.rate_hz)
+            if asked is not None:
+                self.source.steer(asked)
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
         step = program.steps[min(self._index, len(program.steps) - 1)]
@@ -185,6 +195,21 @@ class StepRunner:
             self.wanted = intent
         if step.amount is None and self._phase is _Phase.ACT and self._navigator is None:
             self._phase = _Phase.OVER  # until something else is asked
+        if not self._is_kept(step):
+            self._keeper = self._keeper_of(step, row)
+
+    def _keeper_of(self, step: Step, row: TickRow) -> WayKeeper | None:
+        """Who keeps an operator's velocity until something else is asked; a script's human is known before it runs."""
+        assert self._program is not None
+        if not self._program.heard.id or self._phase is not _Phase.OVER or not isinstance(step.intent, Velocity):
+            return None
+        if not any((step.intent.forward, step.intent.left, step.intent.turning)) or not np.isfinite(row.odometry).all():
+            return None
+        return WayKeeper(step.intent, self.source.pace, self.scale, row.odometry, int(row.tick) / self.rate_hz)
+
+    def _is_kept(self, step: Step) -> bool:
+        """Whether a step is the velocity that is kept already."""
+        return step.amount is None and self._keeper is not None and step.intent == self._keeper.wanted
 
     def _second(self, row: TickRow) -> float:
         return round(int(row.tick) / self.rate_hz, 3)
@@ -200,6 +225,8 @@ class StepRunner:
             self._publish()
             self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
+        if end == "stopped":
+            self._keeper = None
 
     def _next(self, row: TickRow, end: End, measured: float | None) -> None:
         """A step has ended."""

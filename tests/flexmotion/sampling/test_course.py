@@ -118,6 +118,20 @@ def test_the_heading_stays_from_request_to_request_and_a_turn_sets_it(second: Mo
     assert asked.asked is not None and asked.asked[2] < 0
 
 
+def test_another_speed_keeps_the_line_and_what_the_turning_needs(second: Motion) -> None:
+    """At every change of speed the sum of the heading's errors began at zero, and the line where the body was."""
+    course, _ = Course().followed(Condition(velocity=WALK), WALK, moved(second, 0.0, speed=1.0), WINDOW_S)
+    course, _ = course.followed(Condition(velocity=WALK), WALK, moved(second, 0.1, (1.0, 0.2), speed=1.0), WINDOW_S)
+    faster, aside, words = (1.5 * WALK[0], 0.0, 0.0), (0.0, 0.3, 0.0), Condition("march")
+    after = moved(second, 0.1, (2.0, 0.4), speed=1.0)
+    same, _ = course.followed(Condition(velocity=faster), faster, after, WINDOW_S)
+    assert same.place == course.place and same.summed == pytest.approx(2 * course.summed, rel=0.6)
+    turned, _ = course.followed(Condition(velocity=aside), aside, after, WINDOW_S)
+    assert turned.place != course.place and abs(turned.summed) > abs(course.summed)
+    other, _ = course.followed(words, None, after, WINDOW_S)
+    assert other.place != course.place and abs(other.summed) < abs(same.summed)
+
+
 def test_a_gesture_is_left_alone_until_it_is_off(second: Motion) -> None:
     """Its words are of an unknown speed: a velocity beside them would hold the pelvis."""
     wave = Condition("wave with the right hand")

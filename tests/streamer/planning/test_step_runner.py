@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,10 @@ class FakeSource:
 
     pace = None
     finished: int | None = None
+    steered: Velocity | None = None
+
+    def steer(self, intent: Velocity) -> None:
+        self.steered = intent
 
     def is_over(self, frame: int) -> bool:
         return self.finished is not None and frame >= self.finished
@@ -197,6 +202,41 @@ def test_an_open_program_is_left_alone() -> None:
     robot = Robot((0, program(open_step)))
     robot.run(5.0, ahead=0.2)
     assert not robot.heard and not robot.asked and not robot.runner.resting
+
+
+OPEN = Step(Velocity(0.4, 0.0, 0.0), "velocity", None, (0, 0), 0, None, HeardStep(text="v", heard_as="velocity"))
+
+
+def test_an_operators_velocity_is_kept_by_what_the_robot_does() -> None:
+    """The human of one that was asked to turn by .3 rad/s turned by .41, and the robot with it."""
+    robot = Robot((0, program(OPEN)))
+    robot.run(20.0, ahead=0.2)
+    steered = robot.runner.source.steered
+    assert steered is not None and steered.forward > 0.5 and not steered.paced
+    assert not robot.asked  # no motion is cut for it
+
+
+def test_the_same_velocity_once_more_goes_on_with_what_was_learnt() -> None:
+    robot = Robot((0, program(OPEN)))
+    robot.run(20.0, ahead=0.2)
+    learnt = robot.runner.source.steered
+    again, other = program(OPEN, number=2), program(replace(OPEN, intent=Velocity(0.2, 0.0, 0.0)), number=3)
+    assert robot.runner.turned(again, robot.row) == learnt
+    assert robot.runner.turned(other, robot.row) is None
+
+
+def test_a_stop_forgets_the_velocity() -> None:
+    robot = Robot((0, program(OPEN)))
+    robot.run(20.0, ahead=0.2)
+    robot.runner.update(robot.row, halted=True)
+    assert robot.runner.turned(program(OPEN, number=2), robot.row) is None
+
+
+def test_a_scripts_velocity_is_not_changed() -> None:
+    script = program(OPEN)
+    robot = Robot((0, replace(script, heard=script.heard.model_copy(update={"id": 0, "item": 0}))))
+    robot.run(20.0, ahead=0.2)
+    assert robot.runner.source.steered is None
 
 
 def test_after_its_last_step_the_robot_rests_and_the_human_is_not_told_to_stand() -> None:
