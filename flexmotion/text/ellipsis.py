@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexmotion.text.clause import Asks, Clause
+from flexmotion.text.refusals import needs_head
 from flexmotion.text.sides import LEFT, mirrored, sides
 from flexmotion.text.vocabulary import vocabulary
 
 OTHER = "other"
 """The side that was not meant before."""
+_LOOKS = frozenset(["up", "down", "ahead", "forward", "forwards", "straight", "back", "behind"])
+"""Directions of a look beside left and right; a walk takes some of them as well."""
 
 
 def named_side(words: list[str]) -> str | None:
@@ -55,6 +58,8 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
         if before is not None and asked:
             return _like(clause, before, with_side(before.text, side))
         return clause
+    if before is not None and asked and clause.verbless and needs_head(before.text.split()):
+        return _looking_on(clause, words, before)
     if before is not None and asked and _returns(clause, before):
         return _like(clause, before, with_side(before.text, OTHER))
     return clause
@@ -84,6 +89,19 @@ def _like(clause: Clause, before: Clause, text: str) -> Clause:
         speed=before.speed,
         refusal=None,
     )
+
+
+def _looking_on(clause: Clause, words: list[str], before: Clause) -> Clause:
+    """Another direction of a look, for as long as it says itself: "look up, then down for three seconds"."""
+    if clause.amount is not None and clause.amount.quantity not in ("time", "times"):
+        return clause
+    named, directions = sides(" ".join(words)), [word for word in words if word in _LOOKS]
+    if not (named or directions):
+        return clause
+    text = f"look {' '.join([*directions, *sorted(named)])}"
+    if len(named) == 1 and not directions and sides(before.text):
+        text = with_side(before.text, min(named))
+    return replace(clause, text=text, asks=Asks.MOTION, refusal=None, needs_head=True)
 
 
 def _returns(clause: Clause, before: Clause) -> bool:

@@ -20,11 +20,26 @@ def refusal_of(words: list[str]) -> str | None:
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
             return f"{phrase!r}: no model and no robot of this project does that"
+    if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
+        return f"{words[0]!r}: no model and no robot of this project does that"
+    if target := _unknown_target(words, text):
+        return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
     feet = [word for word in words if stem(word) in known.words("feet_motions")]
     if len(named) + bool(feet) > 1:
         return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
     return _walking_refusal(words, text)
+
+
+def _unknown_target(words: list[str], text: str) -> str | None:
+    """The thing that a request looks at and whose direction no word tells; None where there is none."""
+    known = vocabulary()
+    if not words or words[0] not in known.words("look") or sides(text):
+        return None
+    if any(f" {phrase} " in text for phrase in known.phrases("gaze_words")):
+        return None
+    place = next((place for place, word in enumerate(words) if place and word in ("at", "toward", "towards")), None)
+    return None if place is None else " ".join(words[place:])
 
 
 def unbounded(condition: str | None, destination: str | None) -> str | None:

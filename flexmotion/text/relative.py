@@ -24,11 +24,11 @@ def asked_change(sentence: str, amount: Amount | None, joint: str) -> Asks:
         joint: what joins it to the one before.
     """
     known = vocabulary()
-    if change := _CHANGE.fullmatch(sentence):
-        return Asks.FASTER if change["faster"] else Asks.SLOWER
     shorter = sentence
     for phrase in known.phrases("amplifiers"):
         shorter = shorter.removesuffix(f" {phrase}").removeprefix(f"{phrase} ")
+    if change := _CHANGE.fullmatch(sentence) or _CHANGE.fullmatch(shorter):
+        return Asks.FASTER if change["faster"] else Asks.SLOWER
     for asks in (Asks.FASTER, Asks.SLOWER, Asks.AGAIN):
         if {sentence, shorter} & known.words(asks.value):
             return asks

@@ -81,6 +81,7 @@ def dry_run(
             from flexmotion.streamer.motion.replan_noise import NoisySource
 
             settings = load_stream(run.settings)
+            run.check_ports(settings.gateway)
             chosen = open_robot(robot)
             stay = (run.listens or motion.mirrors) and run.seconds is None
             source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)

@@ -49,7 +49,7 @@ from flexmotion.streamer.commands.options import (
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
-    from flexmotion.configs.stream import StreamSettings
+    from flexmotion.configs.stream import Gateway, StreamSettings
     from flexmotion.drivers.interface import Driver
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
@@ -237,6 +237,15 @@ class RunOptions:
         refuse_locked(self.log)
         with locked_folder(self.report):
             yield
+
+    def check_ports(self, settings: Gateway) -> None:
+        """Raise `ConfigError` where a port is taken: before the motion and the model, which take long to load."""
+        if not (self.web or self.view):
+            return
+        from flexmotion.streamer.gateway.ports import check_free
+
+        check_free(self.listen, settings.port if self.web_port is None else self.web_port, "--web-port")
+        check_free(self.listen, settings.stop_port if self.stop_port is None else self.stop_port, "--stop-port")
 
     def streamed_s(self, source: Source, *, stay: bool) -> float | None:
         """How much of a source a run streams at most [s]; None: what there is.

@@ -74,6 +74,7 @@ def run(
             from flexmotion.streamer.commands.streaming import present, stream
 
             settings = load_stream(run.settings)
+            run.check_ports(settings.gateway)
             stay = clock == "real" and not once and run.seconds is None
             chosen = open_robot(robot)
             options = parse_options(option or ())

@@ -97,7 +97,9 @@ class HardwareAudit:
         joint = self.obedience.worst
         if joint is None:
             return None
-        return self._of_servo(f"does not follow its goals: {self.obedience.describe(joint)}", joint)
+        return self._of_servo(
+            f"does not follow its goals: {self.obedience.describe(joint)}{self.punctuality.remark}", joint
+        )
 
     def refusal(self, measured: RobotState, unread: NDArray[np.int64], has_imu: bool) -> str | None:
         """Why torque must not be switched on; None where a start is safe.
@@ -194,7 +196,7 @@ class HardwareAudit:
                 continue
             worst = int(np.argmax(suspicion.level))
             if suspicion.level[worst] > self.robot.safety.max_stale_reads:
-                return self._of_servo(f"measures a {kind} that cannot be", worst)
+                return self._of_servo(f"measures a {kind} that cannot be{self.punctuality.remark}", worst)
         return None
 
     def _of_servo(self, what: str, joint: int) -> str:

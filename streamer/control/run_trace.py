@@ -52,7 +52,7 @@ class RunTrace:
         rate_hz: ticks per second.
         joint_names: the robot's joints in column order.
         events: in order of tick.
-        human_steps: footsteps that the human made.
+        human_steps: footsteps that the human made; None if unknown.
         forgotten: rows that were dropped, or overwritten before they were collected.
         totals: of the rows that were dropped.
     """
@@ -60,7 +60,7 @@ class RunTrace:
     def __init__(self, rate_hz: float, joint_names: tuple[str, ...], *, kept_s: float = KEPT_S) -> None:
         self.rate_hz, self.joint_names = rate_hz, joint_names
         self.events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
-        self.human_steps = 0
+        self.human_steps: int | None = None
         self.forgotten = 0
         self.totals = RunTotals()
         self._most = int(kept_s * rate_hz)

@@ -31,7 +31,7 @@ class Subject:
     robot: Robot
     motion: Motion | None
     figures: RobotFigures
-    human_steps: int
+    human_steps: int | None
 
     @classmethod
     def of(cls, log: Log) -> Subject:
@@ -39,7 +39,7 @@ class Subject:
         robot = load_robot(log.header.robot)
         motion = _human(log)
         figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
-        steps = 0 if motion is None else count_steps(motion)
+        steps = None if motion is None else count_steps(motion)
         return cls(robot, motion, figures, steps)
 
     def report(self, log: Log, record: RunTrace) -> Report:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.heading import heading
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.human_channel import POINTS, HumanChannel
 from flexmotion.streamer.page.pose import MeasuredPose, PlannedPose, Pose
 
@@ -19,6 +20,7 @@ Row = np.ndarray[Any, Any]
 
 _ASIDE = 0.9
 """The human stands this far to the left of the robot, in heights of the robot."""
+_FOLLOWS_NOBODY = (State.OFF, State.READY, State.DAMPED, State.FAULT)
 _HIPS = (POINTS.index("left_hip"), POINTS.index("right_hip"))
 _LEG = tuple(POINTS.index(f"left_{name}") for name in ("hip", "knee", "ankle"))
 
@@ -59,7 +61,10 @@ class Pictures:
         return np.concatenate([np.ravel(part) for part in parts]).astype("<f4").tobytes()
 
     def _human_of(self, row: Row) -> Float:
-        """The human beside the robot, in the robot's size, place and heading; where it was while the robot stops."""
+        """The human beside the robot, in the robot's size, place and heading; where it was while the robot stops.
+
+        Nobody is shown once the run with it is over: a robot with a fault, or armed anew, follows nobody.
+        """
         if self._humans is None:
             return self._human
         self._humans.watch()
@@ -71,6 +76,8 @@ class Pictures:
             hip, knee, ankle = (points[place] for place in _LEG)
             scale = self._leg / float(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle))
             self._human = beside(points, scale, float(heading(base[3:])), base, self.height)
+        elif int(row["state"]) in _FOLLOWS_NOBODY:
+            self._human = np.full_like(self._human, np.nan)
         return self._human
 
 

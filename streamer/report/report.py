@@ -118,10 +118,10 @@ class MotionSection(Section):
     human_went: DisplacementSection | None
     behind_m: Maybe
     heading_rms_rad: Maybe
-    human_steps: int
+    human_steps: int | None
     steps_planned: int
     steps_inserted: int
-    steps_dropped: int
+    steps_dropped: int | None
     hand_error_share: Maybe
     self_collisions: int | None
 
@@ -228,6 +228,13 @@ class RunInfo:
     min_likeness: float | None = None
 
 
+def _dropped(record: RunTrace) -> int | None:
+    """Footsteps of the human that the planner left out; None where those of the human are not known."""
+    if record.human_steps is None:
+        return None
+    return max(record.human_steps - (record.steps_planned - record.steps_inserted), 0)
+
+
 def build_report(
     record: RunTrace,
     info: RunInfo,
@@ -307,7 +314,7 @@ def build_report(
             human_steps=record.human_steps,
             steps_planned=record.steps_planned,
             steps_inserted=record.steps_inserted,
-            steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
+            steps_dropped=_dropped(record),
         ),
         likeness=None if likeness is None else LikenessSection.of(likeness, figures),
         limits=LimitsSection(

@@ -125,7 +125,8 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     """Name, value with unit, and meaning of every known motion figure."""
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
-    steps = f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped, {m.steps_inserted} inserted"
+    human = "" if m.human_steps is None else f" the human made {m.human_steps}, {m.steps_dropped} dropped,"
+    steps = f"planned;{human} {m.steps_inserted} inserted"
     rows = [
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),

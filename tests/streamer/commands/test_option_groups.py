@@ -9,8 +9,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.stream import Gateway
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.commands.option_groups import RunOptions, grouped
+from flexmotion.streamer.gateway.ports import any_free, bound
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.report.metrics import STANDS_AGAIN_S
 
@@ -69,3 +72,17 @@ def test_a_whole_clip_leaves_time_to_catch_up_and_a_part_of_it_ends_at_its_time(
     assert RunOptions().streamed_s(clip, stay=False) == clip.seconds + STANDS_AGAIN_S
     assert RunOptions(seconds=2.0).streamed_s(clip.cut(2.0), stay=False) == pytest.approx(2.0, abs=1.0 / clip.fps)
     assert RunOptions(seconds=2.0).streamed_s(clip, stay=True) is None
+
+
+def test_a_used_port_is_told_before_anything_is_loaded() -> None:
+    """It was tested once the model was loaded, many seconds later."""
+    settings = Gateway()
+    with bound("127.0.0.1", 0) as used:
+        port = int(used.getsockname()[1])
+        for option in ("web_port", "stop_port"):
+            ports = {"web_port": any_free(), "stop_port": any_free()} | {option: port}
+            with pytest.raises(
+                ConfigError, match=f"--{option.replace('_', '-')}: 127.0.0.1:{port} cannot be listened on"
+            ):
+                RunOptions(web=True, **ports).check_ports(settings)
+            RunOptions(**ports).check_ports(settings)  # does not listen

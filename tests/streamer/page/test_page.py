@@ -185,6 +185,8 @@ def test_the_human_is_seen_as_it_was_planned(robot: Robot, streaming: Row) -> No
     assert lengths[0] / lengths[1] == pytest.approx(sizes[0] / sizes[1], rel=1e-3)  # one scale
     row["source_s"] = np.nan  # the robot stops: its human stays
     np.testing.assert_array_equal(parts(robot, pictures.of(row))["human"], shown)
+    row["state"] = State.FAULT  # the run with it is over: it stood frozen in its step beside a robot armed anew
+    assert np.isnan(parts(robot, pictures.of(row))["human"]).all()
 
 
 def test_points_are_those_of_the_kinematics() -> None:
