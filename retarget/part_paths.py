@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.errors import RetargetError
 from flexmotion.retarget.smoothing import Follower
 from flexmotion.retarget.state import RetargetState
 from flexmotion.spatial.transitions import minimum_jerk
@@ -46,7 +47,10 @@ class PartGoal:
         channels: of the filter, (K,).
         angles: there [rad], (K,).
         due: tick at which they are reached, or as soon after it as speed and acceleration allow.
-        until: tick until which they are held.
+        until: tick until which they are held; infinite: until it is no goal any more.
+
+    Raises:
+        RetargetError: a value is not a number, or there is not one angle for each channel.
     """
 
     number: int
@@ -54,6 +58,18 @@ class PartGoal:
     angles: Float
     due: float
     until: float
+
+    def __post_init__(self) -> None:
+        if self.angles.shape != self.channels.shape or not np.isfinite(self.angles).all():
+            found = ", ".join(f"{angle:g}" for angle in self.angles) or "none"
+            raise RetargetError(
+                f"goal {self.number}: angles: expected {len(self.channels)} finite numbers [rad]; found {found}"
+            )
+        if not (np.isfinite(self.due) and self.until >= self.due):
+            raise RetargetError(
+                f"goal {self.number}: expected a finite tick due, and one until which it holds at or after it; found "
+                f"{self.due:g} and {self.until:g}"
+            )
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ Float = NDArray[np.float64]
 
 EXACT_M, EXACT_RAD = 0.003, math.radians(1.0)
 """Nearer than that counts as there [m, rad]."""
+_THERE_RAD = math.radians(3.0)
+"""A joint of a plan that is this near to its goal is there: paths end within 1° [rad]."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,28 @@ class PartSolver:
             raise ConfigError(f"joint: {name}: {angle:g} rad, expected {lower:g} to {upper:g}")
         moved = None if abs(clipped - angle) <= EXACT_RAD else f"{clipped:.3f} rad, the joint's limit"
         return Solved(np.array([column]), np.array([clipped]), moved)
+
+    def kept_away(self, columns: NDArray[np.int64], angles: Float, q: Float) -> str | None:
+        """How far a plan keeps a part from its goal, so that it stays clear of the body; None: it is there.
+
+        Args:
+            columns, angles: as of `Solved`.
+            q: joint angles of the plan while the part is to be there, (T, n) [rad].
+        """
+        joints = self._upper.joints[columns]
+        away = np.abs(q[:, joints] - angles).max(axis=1)
+        row = int(away.argmax())
+        if away[row] <= _THERE_RAD:
+            return None
+        text = f"{math.degrees(away[row]):.0f}° of a joint from there"
+        wanted, chain = q[row].copy(), self._upper.chain
+        wanted[joints] = angles
+        for arm, own in enumerate(chain.joints):
+            if np.isin(own, joints).all():
+                there, hand = (chain.poses(one[chain.joints]).hand[arm] for one in (wanted, q[row]))
+                told = ", ".join(f"{value:.3f}" for value in hand)
+                text = f"[{told}] m, {100 * float(np.linalg.norm(hand - there)):.1f} cm from there"
+        return f"{text}, clear of the body"
 
     def _arm(self, arm: int) -> NDArray[np.int64]:
         count = self._upper.arms.shape[1]

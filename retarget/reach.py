@@ -1,8 +1,8 @@
 """`Reach`: joint angles that bring a robot's hand to a place, or its arm into a direction, clear of its body.
 
 Damped least squares with the analytic Jacobian (Nakamura and Hanafusa 1986), within the joint limits, for all starts at
-once: the arm as it is, and the nearest of a table of configurations that are known to be clear. A result that touches
-the body is drawn back along the way from its start until it is clear.
+once: the arm as it is, and the nearest of a table of configurations that are clear of the body, and of the other arm
+where it is. A result that touches them is drawn back along the way from its start until it is clear.
 """
 
 from __future__ import annotations
@@ -13,16 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_distance import ArmDistance
+from flexmotion.retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
 
 _TABLE = 9
 """Binary logarithm of the number of configurations in the table of each arm."""
 _STARTS = 10
-"""Configurations of the table that are begun from: those with the nearest hands."""
+"""Configurations of the table that are begun from: those with the nearest hands, clear of the other arm."""
+_CHECKED = 48
+"""Nearest ones that are checked for it."""
 _ITERATIONS = 30
 _LONGEST = 0.3
 """Longest step of a joint in an iteration [rad]."""
@@ -84,6 +88,9 @@ class Reach:
         Args:
             side: 0 left, 1 right.
             q: all joint angles now, (n,) [rad]: where the arm starts, and what else it keeps clear of.
+
+        Raises:
+            ConfigError: the other arm is in the way wherever this one could go.
         """
         angles, hands = self._solve(side, place, q)
         errors = np.linalg.norm(hands - place, axis=1)
@@ -94,7 +101,7 @@ class Reach:
         """The arm that points into a direction in the trunk frame (3,), from shoulder to hand, almost straight.
 
         Args:
-            side, q: as of `to_place`.
+            side, q: as of `to_place`; so are the errors.
         """
         unit = direction / np.linalg.norm(direction)
         stand = self._chain.poses(q[self._chain.joints])
@@ -114,9 +121,14 @@ class Reach:
     def _solve(self, side: int, place: Float, q: Float) -> tuple[Float, Float]:
         """Clear configurations near a place, (K, m) [rad], and their hands, (K, 3) [m]."""
         table, hands = self._table[side]
-        near = np.argsort(np.linalg.norm(hands - place, axis=1))[:_STARTS]
+        near = np.argsort(np.linalg.norm(hands - place, axis=1))[:_CHECKED]
         now = np.clip(q[self._chain.joints[side]], self._chain.lower[side], self._chain.upper[side])
         starts = np.concatenate([now[None], table[near]])
+        # The table is clear of the stand pose; the other arm may be elsewhere by now. What is drawn back ends at its
+        # start at last, so that the start has to be clear as well.
+        starts = starts[self._missing(side, starts, q) <= self._allowed][: _STARTS + 1]
+        if not len(starts):
+            raise ConfigError(f"the other arm is in the way of the {SIDE_NAMES[side]} one: relax it, or move it first")
         angles = self._drawn_back(side, starts, self._refined(side, starts, place), q)
         return angles, self._hands(side, angles)[0]
 

@@ -229,7 +229,9 @@ class Retargeter:
         targets, arms = self._targets(now, view, walk.schedule, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
         targets = self.parts.lead(now, targets, tick, stands=view is None)
-        follow = partial(self.follower.slowed(ease.pace).follow, position=now.position, velocity=now.velocity)
+        # A path to a goal is laid out within the whole bounds, and answered with its time.
+        led = self.parts.led(now, tick)
+        follow = partial(self.follower.slowed(ease.pace, led).follow, position=now.position, velocity=now.velocity)
         followed = follow(targets)
         base, q, offset, short = self.body.solve(schedule.feet, com, followed[0], now.com_offset)
         checkpoint()
@@ -245,8 +247,8 @@ class Retargeter:
         checkpoint()
         upper = slice(len(POSTURE), None)
         hand_error = self._hand_error(view, q, arms)
-        led = self.parts.led(now, tick)[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
-        hand_error[:, led] = np.nan  # such a hand does not follow the human's
+        arms_led = led[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
+        hand_error[:, arms_led] = np.nan  # such a hand does not follow the human's
         rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:

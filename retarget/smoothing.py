@@ -28,11 +28,16 @@ class Follower:
     acceleration: Float
     dt: float
 
-    def slowed(self, pace: float) -> Follower:
-        """The same filter for motion at a share of its pace: bounds as time is stretched by it."""
+    def slowed(self, pace: float, whole: NDArray[np.bool_]) -> Follower:
+        """The same filter for motion at a share of its pace: bounds as time is stretched by it.
+
+        Args:
+            whole: channels whose bounds stay, (C,): they follow a time of their own.
+        """
         if pace >= 1.0:
             return self
-        return replace(self, speed=pace * self.speed, acceleration=pace**2 * self.acceleration)
+        share = np.where(whole, 1.0, pace)
+        return replace(self, speed=share * self.speed, acceleration=share**2 * self.acceleration)
 
     def passing(self, places: Float, channel: int) -> Float:
         """Targets for which a channel's positions are given ones, within its bounds, (T,).

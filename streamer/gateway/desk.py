@@ -40,6 +40,7 @@ from flexmotion.streamer.gateway.messages import (
     intent_of,
 )
 from flexmotion.streamer.gateway.part_messages import PartMessage
+from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
 from flexmotion.streamer.motion.part_intents import PartIntent, Relax
@@ -55,9 +56,6 @@ _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
-_AT_ONCE = 2
-"""Targets that may be sent together: the second of a pair does not wait, and the planner, whose priority is higher,
-makes no plan for the first one before this process comes to the second."""
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
@@ -114,7 +112,7 @@ class Desk:
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
         self._sequences = Sequences(settings.lease_s)
-        self._sent_s: dict[str, deque[float]] = {}  # by part
+        self._rates = SendRates(settings.coalesce_s)
         self._holder: str | None = None
 
     @property
@@ -155,8 +153,9 @@ class Desk:
     def pump(self) -> None:
         """Send what waits, and answer what is decided."""
         now = time.perf_counter()
-        for part in [part for part in self._waiting if self._may_send(part, now)]:
-            self._send(self._waiting.pop(part), now)
+        for part in list(self._waiting):
+            if self._rates.may_send(part, now):
+                self._send(self._waiting.pop(part), now)
         for heard in heard_since(self._heard):
             self._answered(heard)
         row = self._ticks.latest()  # before the events: those of its tick are among them
@@ -231,15 +230,12 @@ class Desk:
                 self._reply(self._waiting.pop(let_go), "superseded", "the part was let go after it")
         if part in self._waiting:
             self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")
-        if self._may_send(part, asked.since_s):
+        if self._rates.may_send(part, asked.since_s):
             self._send(asked, asked.since_s)
+        elif part != WHOLE_BODY and len(self._waiting) >= MOST_WAITING:
+            self._reply(asked, "refused", f"targets wait for {MOST_WAITING} parts already")
         else:
             self._waiting[part] = asked
-
-    def _may_send(self, part: str, now: float) -> bool:
-        """Whether the interval of coalescing is over for a part, or for the whole body."""
-        sent = self._sent_s.get(part)
-        return sent is None or len(sent) < _AT_ONCE or now - sent[0] >= _AT_ONCE * self.settings.coalesce_s
 
     def _send(self, asked: Asked, now: float) -> None:
         assert asked.intent is not None
@@ -249,7 +245,7 @@ class Desk:
         except ConfigError as error:
             self._reply(asked, "refused", str(error))
             return
-        self._sent_s.setdefault(asked.part, deque(maxlen=_AT_ONCE)).append(now)
+        self._rates.sent(asked.part, now)
         asked.due_s = now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
         self.sources[target.id] = asked.message.source

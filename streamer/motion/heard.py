@@ -7,6 +7,8 @@ planner's process writes it to `HeardChannel`, in shared memory; any process rea
 from __future__ import annotations
 
 import json
+from collections.abc import Container
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -169,6 +171,17 @@ class HeardRow(Record):
     content: Any = column(f"S{_BYTES}")
 
 
+@dataclass(frozen=True)
+class _Answered(Container[int]):
+    """Some numbers, and all below one."""
+
+    known: set[int]
+    below: int
+
+    def __contains__(self, number: object) -> bool:
+        return number in self.known or (isinstance(number, int) and number < self.below)
+
+
 class HeardChannel:
     """Answers in shared memory. One process writes, the planner's; any number read. The newest of an id counts."""
 
@@ -188,6 +201,16 @@ class HeardChannel:
     def reader(self) -> Reader:
         """A reader of all of them, for `heard_since`."""
         return self._ring.reader()
+
+    def answered(self) -> Container[int]:
+        """The ids of the targets that have been answered.
+
+        Answers come in no order of ids. Those that the ring has lost are the oldest, and so are the ids that are below
+        all that it still knows: no target waits while as many answers come as the ring holds.
+        """
+        reader = self.reader()
+        known = {heard.id for heard in heard_since(reader)}
+        return _Answered(known, min(known) if reader.lost else 0)
 
 
 def _json(heard: Heard) -> bytes:

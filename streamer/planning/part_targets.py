@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, RetargetError
 from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal, PartGoals
 from flexmotion.retarget.part_solver import Solved
 from flexmotion.retarget.plan import Plan
@@ -46,6 +46,8 @@ class _Holding:
     heard: Heard
     revision: int
     answered: bool = False
+    delivered: bool = False
+    """Whether a plan has reached the time at which it is due."""
 
 
 class PartTargets:
@@ -64,7 +66,7 @@ class PartTargets:
         self._waiting: list[tuple[Target, float]] = []
         self._holding: list[_Holding] = []
         self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revision = self._ended = 0
+        self._revision, self._ended = 0, 0.0
         self._made: dict[int, int] = {}  # revisions by plan
         self._planned_tick = -math.inf
 
@@ -94,7 +96,7 @@ class PartTargets:
                 continue
             try:
                 self._begin(target, tick + (born_s - now_s) * self._rate, q)
-            except ConfigError as error:
+            except (ConfigError, RetargetError) as error:
                 self._tell(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
@@ -136,15 +138,27 @@ class PartTargets:
         state = self._retargeter.layout.view(rows.states[0].copy())
         for place, one in enumerate(self._holding):
             own = one.goal.channels
-            if one.answered or (state.part[own] != one.goal.number).any():
+            if (one.answered and one.delivered) or (state.part[own] != one.goal.number).any():
                 continue
-            late_s = (float(state.part_due[own].max()) - one.asked_due) / self._rate
-            slowed = None
-            if late_s > _LATE_S:
-                slowed = f"{one.intent.in_s + late_s:.2f} s until it is there"
-            answer = "moved" if one.heard.moved else "slowed" if slowed else "accepted"
-            heard = one.heard.model_copy(update={"slowed": slowed, "state": answer, "tick": rows.start_tick})
-            self._holding[place] = replace(one, heard=heard)
+            due = float(state.part_due[own].max())
+            delivered, away = one.delivered, None
+            if not delivered and due <= rows.end_tick:
+                q = rows.q[max(math.ceil(due) - rows.start_tick, 0) :]
+                delivered, away = True, self._retargeter.solver.kept_away(own - len(POSTURE), one.goal.angles, q)
+            late_s = (due - one.asked_due) / self._rate
+            slowed = f"{one.intent.in_s + late_s:.2f} s until it is there" if late_s > _LATE_S else None
+            moved = one.heard.moved if away is None else away
+            answer = "moved" if moved else "slowed" if slowed else "accepted"
+            known = {} if one.answered else {"slowed": slowed, "tick": rows.start_tick}
+            heard = one.heard.model_copy(update={"moved": moved, "state": answer, **known})
+            if one.answered and away is not None:
+                self._publish(heard)  # a later version: the plan that was answered did not reach so far
+                self._on_note(str(heard.told()))
+            self._holding[place] = replace(one, heard=heard, delivered=delivered)
+
+    def begin_with(self, plan: Plan) -> None:
+        """Go on from a plan of another process, whose targets are not known: their joints stay where they are."""
+        self._ended = max(self._ended, float(self._retargeter.layout.view(plan.states).part.max()))
 
     def leads(self, plan: Plan) -> bool:
         """Whether a part is led in a plan, under way or held."""

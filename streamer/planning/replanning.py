@@ -16,7 +16,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -241,8 +241,7 @@ class Replanner:
         """Called in a new process: where another one has made plans before, and died, go on from the one that plays."""
         self._succeeds = self.plans.newest_id > 0
         if self._succeeds and self._heard is not None:
-            answered = [heard.id for heard in heard_since(self._heard.reader())]
-            self.ledger.drop_old(max(answered, default=0), "the planner was started again; send it again")
+            self.ledger.drop_old(self._heard.answered(), "the planner was started again; send it again")
 
     def _take_over(self, row: TickRow, tick: int) -> bool:
         """Take over from a planner that died, once the robot stands; returns whether that is done.
@@ -260,7 +259,9 @@ class Replanner:
         offer = self.plans.playing()
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
             return False
-        self._made.begin_with(offer.ticket, self.planner.without_human(offer.plan))
+        plan = self.planner.without_human(offer.plan)
+        self._made.begin_with(offer.ticket, plan)
+        self.parts.begin_with(plan)
         self._succeeds, self.ledger.halted = False, True
         return True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 
 from flexmotion.streamer.control.ladder import State
@@ -91,6 +91,7 @@ class TargetLedger:
         self._gave_way = self._gives_way = False
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
+        self._displaced: _Entry | None = None  # planned before the last turn, which may still be taken back
         self._followed: _Entry | None = None
 
     @property
@@ -153,6 +154,7 @@ class TargetLedger:
             self.halted |= state is not State.OFF
             self.refuse_all(ended)
             return
+        self._answer_displaced(taken, start_of)
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:
             self.answer = self._publish(planned, None, tick=start_of(planned.target.id))
@@ -188,8 +190,8 @@ class TargetLedger:
         if self._open is not None and self._open.target.id == target.id:
             self._turned_s = self.now_s()
         if self._planned is not None and self._planned.target.id != target.id:
-            self._publish(self._planned, "superseded", "a newer target came before its plan was played")
-            self._planned = None
+            # Answered once it is certain that this turn stays.
+            self._displaced, self._planned = self._planned, None
         if self._open is not None and self._open.target.id == target.id:
             self._planned, self._open = replace(self._open, heard=heard), None
 
@@ -205,10 +207,13 @@ class TargetLedger:
         return opened.target.intent != target.intent
 
     def give_way(self) -> None:
-        """The source has taken back its turn to the last target, which no plan follows; the newer one is due."""
+        """The source has taken back its turn to the last target, which no plan follows; the newer one is due.
+
+        The target before it is planned again: its plan may be played, and it is what the source follows.
+        """
         if self._planned is not None:
             self._publish(self._planned, "superseded", "a newer target came before its plan was made")
-        self._planned, self._gave_way = None, True
+        self._planned, self._displaced, self._gave_way = self._displaced, None, True
         self._turned_s, self.halted = self._before
 
     def refuse(self, target: Target, reason: str) -> None:
@@ -219,16 +224,27 @@ class TargetLedger:
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed."""
-        for entry in (self._planned, self._open):
+        for entry in (self._displaced, self._planned, self._open):
             if entry is not None:
                 self._publish(entry, "refused", reason)
-        self._planned = self._open = None
+        self._displaced = self._planned = self._open = None
 
-    def drop_old(self, answered: int, reason: str) -> None:
-        """Refuse the targets that an earlier planner had; it has answered those up to the number `answered`."""
+    def drop_old(self, answered: Container[int], reason: str) -> None:
+        """Refuse the targets that an earlier planner had and did not answer."""
         for target in self._inbox.read():
-            if target.id > answered:
+            if target.id not in answered:
                 self._publish(_Entry(target, 0.0), "refused", reason)
+
+    def _answer_displaced(self, taken: int, start_of: Callable[[int], int]) -> None:
+        """Answer the target that was planned when the source turned to another, which it stays with."""
+        entry, newer, self._displaced = self._displaced, self._planned, None
+        if entry is None:
+            return
+        if entry.target.id <= taken and (newer is None or taken < newer.target.id):
+            # Its plan was taken before the next one was made.
+            self._followed, self.answer = entry, self._publish(entry, None, tick=start_of(entry.target.id))
+        else:
+            self._publish(entry, "superseded", "a newer target came before its plan was played")
 
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
         return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)

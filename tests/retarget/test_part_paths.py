@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from flexmotion.configs.errors import RetargetError
 from flexmotion.human.motion import Motion
+from flexmotion.retarget.easing import Ease
 from flexmotion.retarget.part_paths import LONGEST_FADE_S, STOPPED_PARTS, PartGoal, PartGoals
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
@@ -107,3 +111,39 @@ def test_a_stop_leaves_the_arm_where_it_is(retargeter: Retargeter) -> None:
     assert np.abs(q[-1] - arm(retargeter, moving.q)[30]).max() < 0.2
     assert np.abs(np.diff(q[-10:], axis=0)).max() < 1e-4
     assert not retargeter.parts.moves(retargeter.layout.view(stop.states[0].copy()), 40)
+
+
+def test_a_path_keeps_its_time_where_the_human_is_slowed(retargeter: Retargeter, walk: Motion) -> None:
+    """An eased plan lowered the filter's bounds for all channels: the hand was later than its target was answered."""
+    vector = retargeter.standing()
+    retargeter.layout.view(vector).ease[...] = 0.6, 1.0
+    plan = retargeter._draft(
+        vector,
+        walk[:32],
+        0,
+        Ease(0.6, 1.0),
+        tick=0,
+        horizon=None,
+        exact=False,
+        parts=PartGoals([goal(1.0, angles=np.array([1.2, 0.2, 1.0]))]),
+        checkpoint=lambda: None,
+    )
+    due = float(retargeter.layout.view(plan.states[0].copy()).part_due[LEFT[0]])
+    assert 1.0 < due < len(plan) - 1
+    assert arm(retargeter, plan.q)[int(np.ceil(due))] == pytest.approx([1.2, 0.2, 1.0], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"angles": np.array([0.1, np.nan, 0.2])}, "goal 7: angles: expected 3 finite numbers .*found 0.1, nan, 0.2"),
+        ({"angles": np.array([0.1, np.inf, 0.2])}, "goal 7: angles: expected 3 finite numbers"),
+        ({"angles": np.zeros(2)}, "goal 7: angles: expected 3 finite numbers"),
+        ({"due": np.nan}, "goal 7: expected a finite tick due"),
+        ({"until": 10.0}, "goal 7: expected a finite tick due.*found 60 and 10"),
+    ],
+)
+def test_a_goal_without_numbers_is_refused_where_it_is_made(fields: dict[str, Any], message: str) -> None:
+    """A goal that is no number was found in the finished plan, which ended the planner."""
+    with pytest.raises(RetargetError, match=message):
+        PartGoal(**{"number": 7, "channels": LEFT, "angles": GOAL, "due": 60.0, "until": np.inf, **fields})

@@ -118,3 +118,47 @@ def test_what_the_head_and_joints_cannot_do_is_refused_with_what_they_can(solver
         solver.joint("r_el", 2.5, 0.1)
     found = solver.joint("r_el", 2.05, 0.1)
     assert found.angles == pytest.approx([2.0]) and found.moved == "2.000 rad, the joint's limit"
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ((0.12743528, -0.01098538, 0.15997038), (0.12800503, -0.01033205, 0.17515219)),
+        ((0.09020965, -0.01662397, 0.0905129), (0.0834758, 0.0008754, 0.09682109)),
+    ],
+)
+def test_a_hand_beside_the_other_one_does_not_touch_it(
+    retargeter: Retargeter, solver: PartSolver, first: tuple[float, ...], second: tuple[float, ...]
+) -> None:
+    """The table of starts is clear of the stand pose: one that touched the raised arm was the answer, "accepted"."""
+    q = retargeter.robot.stand_pose.copy()
+    left = solver.hand("left", np.array(first), 0.03, q)
+    q[retargeter.body.upper.joints[left.columns]] = left.angles
+    right = solver.hand("right", np.array(second), 1.0, q)
+    q[retargeter.body.upper.joints[right.columns]] = right.angles
+    assert not Posed(retargeter.robot, q).touches
+
+
+def test_an_arm_that_can_go_nowhere_is_refused(
+    retargeter: Retargeter, solver: PartSolver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was brought to a configuration that touches the body."""
+    monkeypatch.setattr(solver._reach, "_allowed", -1.0)
+    with pytest.raises(ConfigError, match="the other arm is in the way of the right one: relax it, or move it first"):
+        solver.hand("right", np.array([0.12, -0.1, 0.1]), 0.1, retargeter.robot.stand_pose)
+
+
+def test_what_a_plan_delivers_is_told_where_it_is_not_the_goal(retargeter: Retargeter, solver: PartSolver) -> None:
+    """A plan that led the arm around the body was answered as if the hand were at its place."""
+    robot = retargeter.robot
+    found = solver.hand("left", np.array([0.12, 0.12, 0.05]), 0.01, robot.stand_pose)
+    there = np.repeat(taken(retargeter, found.columns, found.angles)[None], 20, axis=0)
+    assert solver.kept_away(found.columns, found.angles, there) is None
+    led = there.copy()
+    led[7, retargeter.body.upper.joints[found.columns[0]]] += 0.2
+    told = str(solver.kept_away(found.columns, found.angles, led))
+    assert told.startswith("[0.1") and told.endswith("cm from there, clear of the body")
+    away = np.linalg.norm(Posed(robot, led[7]).hand("left") - Posed(robot, there[0]).hand("left"))
+    assert f"{100 * away:.1f} cm" in told
+    elbow = found.columns[2:3]
+    assert solver.kept_away(elbow, found.angles[2:3] + 0.2, there) == "11° of a joint from there, clear of the body"

@@ -501,3 +501,25 @@ def test_a_part_holds_for_its_time_to_live_or_that_of_the_settings_after_it_is_t
     office.ask(HAND % ("left", "l1"))
     office.ask('{"type":"look","direction":[1,0,0],"in_s":1,"ttl_s":3}')
     assert [target.holds_s for target in office.run.arrived()] == [4.5, 3.0]
+
+
+def test_names_of_joints_that_there_are_not_do_not_pass_the_limit_on_rate(make_office: Make, clock: Clock) -> None:
+    """Each new name had an interval of its own: memory grew with them, and the planner's mailbox overran."""
+    office, arrived = make_office(coalesce_s=0.005), 0
+    joint = '{"type":"joint","joint":"j%d","angle_rad":0.5,"id":"%d"}'
+    for number in range(4000):
+        office.ask(joint % (number, number))
+        if number % 20 == 19:
+            clock.now += 0.005
+            office.desk.pump()
+            arrived += len(office.run.arrived())
+    assert arrived <= 32 * 11 and Counter(office.states)["refused"] >= 3500
+    assert "targets wait for 64 parts already" in str(office.told[0].reason)
+    assert len(office.desk._waiting) <= 64 and len(office.desk._rates._sent_s) <= 32
+    office.ask(WALK)
+    assert [type(target.intent).__name__ for target in office.run.arrived()] == ["Velocity"]
+    for _ in range(4):
+        clock.now += 0.1
+        office.desk.pump()
+        arrived += len(office.run.arrived())
+    assert not office.desk._waiting and len(office.told) + arrived == 4000

@@ -9,7 +9,7 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox
 from flexmotion.streamer.planning.target_ledger import TargetLedger
@@ -239,3 +239,61 @@ def test_targets_of_two_processes_have_ids_that_ascend_and_differ() -> None:
     ids = [target.id for target in sent]
     assert ids == sorted(set(ids))
     assert reader.read() == sent and mailbox.newest() == sent[-1]
+
+
+def test_a_turn_that_is_given_up_leaves_the_target_before_it_as_it_was() -> None:
+    """That one was answered "superseded", was played all the same, and was no longer what plans should follow."""
+    bench = Bench()
+    first = bench.mailbox.send(WALK)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    bench.ledger.replaces(first)
+    bench.look(101)
+    bench.ledger.turned(first, None)  # no plan of it was taken, it is made once more
+    second = bench.mailbox.send(WAVE)
+    bench.look(102)
+    bench.ledger.turned(second, None)
+    assert bench.told == []
+    third = bench.mailbox.send(Text("bow"))
+    bench.ledger.take()
+    assert bench.ledger.replaces(second)
+    bench.ledger.give_way()
+    assert bench.states == [(second.id, "superseded")] and bench.ledger.wanted == third
+    bench.ledger.refuse(third, "cannot")
+    assert bench.ledger.wanted == first
+    bench.taken = first.id
+    bench.look(103)
+    assert bench.states[1:] == [(third.id, "refused"), (first.id, "accepted")]
+
+
+@pytest.mark.parametrize(("taken", "answer"), [(1, "accepted"), (0, "superseded"), (2, "superseded")])
+def test_a_target_that_another_displaces_is_answered_with_what_became_of_its_plan(taken: int, answer: str) -> None:
+    bench = Bench()
+    first = bench.mailbox.send(WALK)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    second = bench.mailbox.send(WAVE)
+    bench.look(101)
+    bench.ledger.turned(second, None)
+    bench.taken = taken
+    bench.look(102)
+    assert bench.states[0] == (first.id, answer)
+    bench.taken = second.id
+    bench.look(103)
+    assert bench.states[-1] == (second.id, "accepted") and len(bench.told) == 2
+
+
+def test_a_planner_that_succeeds_another_refuses_what_that_one_left_open_whatever_came_after_it(bench: Bench) -> None:
+    """Answers to hands overtake that of the body: an open walk of a smaller number was never answered."""
+    walk, hand, late = bench.mailbox.send(WALK), bench.mailbox.send(WAVE), bench.mailbox.send(WAVE)
+    channel = HeardChannel()
+    channel.publish(Heard(id=hand.id, asked="left hand", state="accepted"))
+    bench.ledger.drop_old(channel.answered(), "send it again")
+    assert bench.states == [(walk.id, "refused"), (late.id, "refused")]
+
+
+def test_answers_that_are_no_longer_kept_count_as_given() -> None:
+    channel = HeardChannel()
+    for number in range(1, 201):
+        channel.publish(Heard(id=number, asked="wave", state="accepted"))
+    assert all(number in channel.answered() for number in range(1, 201)) and 201 not in channel.answered()

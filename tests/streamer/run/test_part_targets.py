@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
+from flexmotion.streamer.planning.part_targets import PartTargets
+from flexmotion.streamer.planning.replanning import Replanner
+from flexmotion.streamer.run.parts import RunParts
 from flexmotion.streamer.run.requests import Request
 
 from .test_live_targets import Live
@@ -129,3 +133,32 @@ def test_a_stop_ends_parts_and_refuses_new_ones_until_it_is_released(live: Live)
     assert asked(live, Look((1.0, 1.0, 0.0))).state == "accepted"
     go_on(live, 1.0)
     assert np.linalg.norm(hand(live) - stopped) < 0.002
+
+
+def test_a_new_planner_leaves_the_arms_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm that was held went back to the stand pose with the first plan of the planner that was started again."""
+    made: list[Replanner] = []
+    make = RunParts.replanner
+
+    def kept(*arguments: Any) -> Replanner:
+        made.append(make(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(RunParts, "replanner", kept)
+    one = Live()
+    with one.session:
+        one.until_state(State.STREAMING)
+        one.until_answered(one.session.send(Stop()).id)
+        one.until_state(State.HOLD)
+        assert asked(one, Hand("left", PLACE, in_s=1.0), holds_s=60.0).state == "accepted"
+        go_on(one, 1.0)
+        one.until_state(State.HOLD)
+        held, (replanner,) = hand(one), made
+        # As in a new process: the record of targets is empty, and what was answered is known by the channel alone.
+        replanner.parts = PartTargets(replanner.planner.retargeter, replanner._publish, replanner.on_note)
+        replanner.ledger.on_part = replanner.parts.take
+        replanner.succeed()
+        go_on(one, 0.5)
+        assert asked(one, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
+        go_on(one, 1.5)
+        assert np.linalg.norm(held - PLACE) < 0.005 and np.linalg.norm(hand(one) - held) < 0.002
