@@ -168,7 +168,7 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Call
     assert page.status["following"] is None
     tab.get_by_role("button", name="Release stop").click()
     wait_until(lambda: not page.status["must_stop"], "the stop to be released", every_s=0.2)
-    tab.fill("#prompt", "fly to the moon")
+    tab.fill("#prompt", "juggle")
     tab.press("#prompt", "Enter")
     page.until("document.querySelector('#history .mark').textContent === 'refused'", "the words to be refused")
     # The help was folded behind a long list of names.
