@@ -34,6 +34,9 @@ INDEX = "index.json"
 RECORDED = ("original", "mirror")
 """Variants of a clip that were recorded; the others are made from it by augmentation."""
 
+TRAINING = "train"
+"""The split that a model learns from."""
+
 CONTENT = 2
 """Increased when a store of the same set holds more; 2: with external loads and error estimates."""
 
@@ -129,7 +132,7 @@ class FeatureStore:
         """The same store without variants in its training split."""
         other = copy(self)
         vars(other).pop("clips", None)  # the cached property
-        other._clips = [item for item in self._clips if item["variant"] in RECORDED or item["split"] != "train"]
+        other._clips = [item for item in self._clips if item["variant"] in RECORDED or item["split"] != TRAINING]
         return other
 
     @cached_property
@@ -150,8 +153,14 @@ def build_store(
         progress: called with the share done, 0 to 1.
 
     Raises:
-        MotionFormatError: the set lacks a field, or muscles or joint contact forces that the layout has.
+        MotionFormatError: the set has no clip to train on, or lacks a field, or muscles or joint contact forces that the
+            layout has.
     """
+    if not any(clip.split == TRAINING for clip in source.clips):
+        raise MotionFormatError(
+            f"no clip of this set is in the split {TRAINING!r}, but in {_splits(source)}; give the clips to train on"
+            f" {TRAINING!r} in the column 'split' of their index, and build the set anew"
+        )
     key = _key(source, layout)
     index = folder / INDEX
     if index.is_file() and json.loads(index.read_text(encoding="utf-8"))["key"] == key:
@@ -210,6 +219,10 @@ def build_store(
     return FeatureStore(folder)
 
 
+def _splits(source: MotionSet) -> str:
+    return " and ".join(sorted({repr(clip.split) for clip in source.clips})) or "none"
+
+
 def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Features of a clip, and the arrays beside them."""
     motion = source.motion(clip)
@@ -257,7 +270,7 @@ def _training_sample(features: np.ndarray, clips: list[dict[str, Any]]) -> np.nd
 
 def _parts(features: np.ndarray, clips: list[dict[str, Any]]) -> Iterator[np.ndarray]:
     for clip in clips:
-        if clip["split"] == "train":
+        if clip["split"] == TRAINING:
             yield features[clip["start"] : clip["start"] + clip["frames"] : 4]
 
 
