@@ -153,7 +153,7 @@ def build_store(
         progress: called with the share done, 0 to 1.
 
     Raises:
-        MotionFormatError: the set has no clip to train on, or lacks a field, or muscles or joint contact forces that the
+        MotionFormatError: the set has no clip to train on, or lacks a field, muscles or joint contact forces that the
             layout has.
     """
     if not any(clip.split == TRAINING for clip in source.clips):
