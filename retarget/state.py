@@ -75,6 +75,8 @@ class RetargetState(Record):
     """Tick at which it is at the goal."""
     part_until: Float = column("f8", "channels")
     """Tick until which it holds."""
+    planted: Float = column("f8", 2)
+    """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
 
 
 @dataclass(frozen=True)

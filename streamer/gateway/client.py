@@ -33,7 +33,7 @@ from flexmotion.streamer.gateway.connection import (
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.motion.part_intents import Side
+from flexmotion.streamer.motion.part_values import Side
 
 
 class Client(Messages):

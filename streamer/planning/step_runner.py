@@ -99,6 +99,14 @@ class StepRunner:
         """Whether the human stands and looks where the robot's feet are to point."""
         return self._navigator is not None and self._navigator.phase is Phase.FACE
 
+    @property
+    def travels(self) -> bool:
+        """Whether what the program does now, or has still to do, moves the robot from its place, or turns it."""
+        program = self._program
+        if program is None or self._is_done(program):
+            return False
+        return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
+
     def changed(self) -> None:
         """The human changes to what is wanted."""
         self.wanted, self.facing, self.resting, self.over = None, 0.0, False, False
