@@ -28,6 +28,7 @@ class Effort:
         row: row of the plan.
         torque, limit: there [N·m].
         cap: the torque cap of this joint, where that is what binds most [N·m]; None: the servo's envelope does.
+        may_wait: whether it is that of an arm or the head of a robot that makes no step, which may take any time.
     """
 
     load: float
@@ -36,6 +37,7 @@ class Effort:
     torque: float = 0.0
     limit: float = 0.0
     cap: float | None = None
+    may_wait: bool = False
 
 
 @dataclass(frozen=True)

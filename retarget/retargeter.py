@@ -203,7 +203,9 @@ class Retargeter:
         def make(ease: Ease) -> tuple[Plan, Effort]:
             plan = whole(motion, first_frame, ease)
             cap = self._cap(plan, restrictions)
-            return plan, effort(judged, plan.torque, plan.qd, begins, plan.stop_row, cap)
+            found = effort(judged, plan.torque, plan.qd, begins, plan.stop_row, cap)
+            stands = found.cap is not None and found.joint not in self.legs and bool(plan.contacts.all())
+            return plan, replace(found, may_wait=stands)
 
         # A short plan for a new target must come soon; the whole one right after it is eased.
         short = horizon is not None and horizon < self.horizon
@@ -211,10 +213,14 @@ class Retargeter:
         best = best_draft(make, Ease(*now.ease), judged.allowed, 1 if short else most)
         plan, lag, refused = best.plan, 0.0, False
         if best.effort.load > judged.allowed and not short:
-            rows = slice(best.plan.stop_row)
-            if allowed is not None:
-                lag = float(np.abs(servo_lag(self.robot, self.envelope, plan.torque[rows], plan.qd[rows])).max())
-            refused = lag > self.allowed_lag or best.effort.cap is not None
+            # The loop holds arms and head to their caps: what these lack of a plan's torque they fall behind by.
+            cap = self._cap(plan, restrictions)
+            cap[self.legs] = np.inf
+            counts = np.isfinite(cap) | (allowed is not None)
+            torque, speed = plan.torque[: plan.stop_row], plan.qd[: plan.stop_row]
+            behind = np.abs(servo_lag(self.robot, self.envelope.capped(cap), torque, speed))
+            lag = float(behind[:, counts].max(initial=0.0))
+            refused = lag > self.allowed_lag or (best.effort.cap is not None and best.effort.joint in self.legs)
         if refused:
             plan = whole(None, first_frame, best.ease)
         self.layout.view(plan.states).ease = np.array(astuple(best.ease.relaxed(best.effort, judged.allowed)))
