@@ -121,7 +121,9 @@ class PartPaths:
             if (state.part[own] == goal.number).all():
                 continue
             begin, speed = state.position[own], state.velocity[own]
-            ticks = self._ticks(own, begin, speed, goal, goal.due - tick)
+            state.part_bound[own] = np.inf if goal.acceleration is None else goal.acceleration
+            bound = np.minimum(self._follower.acceleration, state.part_bound)[own]
+            ticks = self._ticks(own, begin, speed, goal.angles, goal.due - tick, bound)
             state.part[own] = goal.number
             state.part_from[own], state.part_speed[own], state.part_to[own] = begin, speed, goal.angles
             state.part_begins[own], state.part_due[own] = tick, tick + ticks
@@ -164,7 +166,7 @@ class PartPaths:
         way = np.abs(state.part_to - self._rest)
         seconds = np.maximum(
             (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
-            np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * self._follower.acceleration)),
+            np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * np.minimum(self._follower.acceleration, state.part_bound))),
         )
         for number in np.unique(state.part[state.part > 0]):
             own = state.part == number
@@ -182,15 +184,14 @@ class PartPaths:
         places = state.part_from[channel] + _places((line - begins) / (due - begins), way, speed, float(rise[0]))
         return self._follower.passing(places, channel)
 
-    def _ticks(self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: PartGoal, asked: float) -> float:
-        """Ticks of a path: as asked, or the least within the bounds."""
-        bound = self._follower.acceleration[channels]
-        if goal.acceleration is not None:
-            bound = np.minimum(bound, goal.acceleration)
+    def _ticks(
+        self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: Float, asked: float, bound: Float
+    ) -> float:
+        """Ticks of a path: as asked, or the least within the bounds; `bound`: of its acceleration, (K,) [rad/s²]."""
         ticks = max(asked, _SHORTEST_S * self._rate)
         while True:
             seconds = ticks / self._rate
-            if self._rises(channels, goal.angles - begin, speed * seconds, seconds, bound)[1].all():
+            if self._rises(channels, goal - begin, speed * seconds, seconds, bound)[1].all():
                 return ticks
             ticks *= _LONGER
 

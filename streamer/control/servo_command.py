@@ -231,8 +231,8 @@ class ServoCommand:
         lowest, highest = np.maximum(*lows), np.minimum(*highs)
         bounded = np.maximum(np.minimum(goal, highest), lowest)
         apart = lowest > highest
-        if some(apart):  # a fast joint with a low cap: no goal is within it at both, this one is as near to both
-            np.copyto(bounded, 0.5 * (lowest + highest), where=apart & np.isfinite(self.cap))
+        if some(apart):  # a fast joint with a low cap: no goal is within it at both, this one is as it was measured
+            np.copyto(bounded, np.clip(bounded, lows[0], highs[0]), where=apart & np.isfinite(self.cap))
         return bounded
 
     def _envelope(

@@ -6,7 +6,7 @@ They replace no target and move nothing. Each is checked when it arrives; every 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,14 +100,15 @@ class RestrictionTargets:
         if ended is not None:
             for target, _ in waiting:
                 self._tell(target, "refused", ended)
-            if State(int(row.state)) in _WITHOUT_TORQUE:
-                self._end(ended)
-                return
+            without_torque = State(int(row.state)) in _WITHOUT_TORQUE
+            # A stop is made by a plan that knows no more than what was answered.
+            self._end(ended, [] if without_torque else [one for one in self._held if one.answered])
+            return
         self._answer(row)
         if any(one.until <= tick for one in self._held):
             self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
             self._keep([one for one in self._held if one.until > tick])
-        for target, born_s in waiting if ended is None else ():
+        for target, born_s in waiting:
             if now_s - born_s > target.take_up_s:
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
                 continue
@@ -239,17 +240,19 @@ class RestrictionTargets:
             self._publish(heard)
         self._let_go = [one for one in self._let_go if one[0] > known]
 
-    def _end(self, reason: str) -> None:
-        """What holds is over, and what waits for an answer gets it."""
-        for one in self._held:
+    def _end(self, reason: str, kept: Sequence[_Held] = ()) -> None:
+        """What holds is over, but for some, and what waits for an answer gets it."""
+        over = [one for one in self._held if one not in kept]
+        for one in over:
             if not one.answered:
-                self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason}))
+                refused = {"state": "refused", "reason": reason, "tick": None}
+                self._publish(one.heard.model_copy(update=refused))
         for _, heard in self._let_go:
             self._publish(heard)
-        if self._held:
-            self._on_note(f"over: {', '.join(str(one.intent) for one in self._held)}")
+        if over:
+            self._on_note(f"over: {', '.join(str(one.intent) for one in over)}")
             self._revisions.change()
-        self._held, self._let_go = [], []
+        self._held, self._let_go = list(kept), []
 
     def _tell(self, target: Target, state: str, reason: str) -> None:
         heard = Heard.model_validate(
