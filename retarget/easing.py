@@ -11,7 +11,7 @@ LEAST_PACE, LEAST_SIZE = 0.6, 0.4
 _PACE_STEP, _SIZE_STEP = 0.8, 0.75
 """Largest step of one draft: pace and size change the load of the next steps, not of those that are settled."""
 STANDING_PACE = 0.3
-"""Likewise where a torque of arms or head is capped and the robot makes no step: nothing falls because it takes longer."""
+"""Likewise where a torque of arms or head is capped and the robot makes no step: it may take any time."""
 _STANDING_STEP = 0.4
 """Largest step of one draft then."""
 _LEAST_STEP = 0.95

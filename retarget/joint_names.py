@@ -44,8 +44,10 @@ def joints_named(robot: Robot, name: str) -> dict[str, int]:
             begins = _PARTS[part][1]
             found |= {robot.joint_names[joint]: joint for own, joint in parts.items() if own.startswith(begins)}
     if not found:
-        parts, own = ", ".join(_PARTS), ", ".join(robot.joint_names)
-        raise ConfigError(f"torque: joint: {name!r} is not known; expected {parts}, one of them on the left or right, or {own}")
+        names, joints = ", ".join(_PARTS), ", ".join(robot.joint_names)
+        raise ConfigError(
+            f"torque: joint: {name!r} is not known; expected {names}, one of them on the left or right, or {joints}"
+        )
     return found
 
 

@@ -18,7 +18,7 @@ from flexmotion.retarget.state import RetargetState
 Float = NDArray[np.float64]
 
 _MOST_TURNED = 0.26
-"""Turn of the human's feet beyond those of a robot that stays in its place, from which on it is not the robot's [rad]."""
+"""Turn of the human's feet beyond those of a robot that stays in its place, which is not the robot's [rad]."""
 _MOST_DRIFT = 0.2
 """Most that a robot drifts from its plan's heading between two plans [rad]."""
 

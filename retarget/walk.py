@@ -129,7 +129,9 @@ class WalkPlanner:
 
         def make(longer: Mapping[int, int]) -> Walk:
             settled = [step.longer(longer.get(k, 0)) for k, step in enumerate(start.settled)]
-            return self._lay_out(state, self.footsteps.gather(settled, start.feet, tick, longer, start.planted), tick, None)
+            return self._lay_out(
+                state, self.footsteps.gather(settled, start.feet, tick, longer, start.planted), tick, None
+            )
 
         return self._with_time(state, len(start.settled), make, last=True)
 

@@ -1,7 +1,7 @@
-"""`restriction_phrase`: sentences that only restrict the robot: "keep your left foot down", "no more than 1 newton metre at
-the knee", and those that let go again.
+"""`restriction_phrase`: sentences that only restrict the robot, and those that let go again.
 
-A sentence that says anything else beside, "keep your feet on the ground and wave", is left to the grammar.
+"Keep your left foot down", "no more than 1 newton metre at the knee", "you may lift your feet again". A sentence that
+says anything else beside, "keep your feet on the ground and wave", is left to the grammar.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
 
 _OWN = r"(?:your|the|its|his|her)"
-_FOOT = (
-    rf"(?:{_OWN}\s(?P<side>left|right)\s(?:foot|leg)|both\s(?:of\s)?(?:{_OWN}\s)?(?:feet|legs)|{_OWN}\s(?:both\s)?(?:feet|legs))"
-)
+_BOTH = rf"both\s(?:of\s)?(?:{_OWN}\s)?(?:feet|legs)|{_OWN}\s(?:both\s)?(?:feet|legs)"
+_FOOT = rf"(?:{_OWN}\s(?P<side>left|right)\s(?:foot|leg)|{_BOTH})"
 _DOWN = r"(?:down|planted|(?:(?:down|flat|planted)\s)?on\s(?:the\s)?(?:ground|floor))"
 _OFF = r"(?:\s(?:up|off\s(?:the\s)?(?:ground|floor)))?"
 _KEEP = re.compile(rf"(?:keep|leave|hold)\s{_FOOT}\s{_DOWN}")
@@ -33,10 +32,10 @@ _PLURALS = {"hips": "hip", "knees": "knee", "ankles": "ankle", "shoulders": "sho
 _PLURALS |= {"wrists": "wrist"}
 _JOINT = rf"(?:{_OWN}\s)?(?:both\s)?(?:{_OWN}\s)?(?P<joint>(?:(?:left|right)\s)?(?:{'|'.join([*_PLURALS, *_JOINTS])}))"
 _NUMBER = r"(?P<number>[\w. ]+?)\snm"
-_AT_MOST = re.compile(
-    rf"(?:use\s|put\s|apply\s)?(?:no\smore\sthan|at\smost|a\smaximum\sof|not\smore\sthan)\s{_NUMBER}\s(?:of\storque\s)?(?:at|in|on|for|with|from)\s{_JOINT}"
-)
-_LIMIT = re.compile(rf"(?:limit|cap|restrict)\s(?:the\storque\s(?:of|at|in|on)\s)?{_JOINT}(?:\storque)?\s(?:to|at)\s{_NUMBER}")
+_MOST = r"(?:use\s|put\s|apply\s)?(?:no\smore\sthan|at\smost|a\smaximum\sof|not\smore\sthan)"
+_AT_MOST = re.compile(rf"{_MOST}\s{_NUMBER}\s(?:of\storque\s)?(?:at|in|on|for|with|from)\s{_JOINT}")
+_TO_LIMIT = r"(?:limit|cap|restrict)\s(?:the\storque\s(?:of|at|in|on)\s)?"
+_LIMIT = re.compile(rf"{_TO_LIMIT}{_JOINT}(?:\storque)?\s(?:to|at)\s{_NUMBER}")
 _NO_LIMIT = re.compile(
     rf"(?:remove|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
 )

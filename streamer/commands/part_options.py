@@ -63,8 +63,8 @@ class PartOptions:
         typer.Option(
             "--relax",
             metavar="PART",
-            help='Let a part go: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", '
-            '"torque NAME", or all.',
+            help='Let a part go: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", '
+            '"both feet", "torque NAME", or all.',
             show_default=False,
         ),
     ] = None

@@ -210,7 +210,9 @@ class Relax(Logged):
         return f"relax {self.part}"
 
 
-PartIntent = Hand | Point | Look | JointAngle | Relax | Contact | TorqueCap
+Placed = Hand | Point | Look | JointAngle
+"""An intent that brings a part somewhere."""
+PartIntent = Placed | Relax | Contact | TorqueCap
 """An intent for one part of the body."""
 
 PARTS: dict[str, type[PartIntent]] = {

@@ -22,7 +22,7 @@ from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import words_of
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, PartIntent, Point, Relax
+from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
@@ -41,7 +41,7 @@ class _Holding:
     """A part's target that holds, and its goal."""
 
     target: Target
-    intent: Hand | Point | Look | JointAngle
+    intent: Placed
     goal: PartGoal
     asked_due: float
     heard: Heard
@@ -176,10 +176,10 @@ class PartTargets:
         """Let a target hold. Raises `ConfigError` where it cannot be followed; names what is valid."""
         words = part_of_words(target.intent)
         intent = words or target.intent
-        assert isinstance(intent, PartIntent)
         if isinstance(intent, Relax):
             self._relax(target, intent)
             return
+        assert isinstance(intent, Placed)
         holds_s = target.holds_s if words is None else min(target.holds_s, WORDS_HOLD_S)
         due, until = born_tick + intent.in_s * self._rate, born_tick + holds_s * self._rate
         if until < due:
@@ -211,7 +211,7 @@ class PartTargets:
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
         self._relaxed.append((self._revisions.change(), heard))
 
-    def _solved(self, intent: Hand | Point | Look | JointAngle, q: Float) -> Solved:
+    def _solved(self, intent: Placed, q: Float) -> Solved:
         solver = self._retargeter.solver
         match intent:
             case Hand(side, place, _, tolerance):

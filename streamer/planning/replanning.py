@@ -24,8 +24,8 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
-from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.ease_notes import EaseNotes
 from flexmotion.streamer.planning.heading_drift import HeadingDrift

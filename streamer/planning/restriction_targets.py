@@ -127,7 +127,9 @@ class RestrictionTargets:
     @property
     def restrictions(self) -> Restrictions:
         """What holds, for the retargeter."""
-        caps = {joint: one.intent.limit for one in self._held if isinstance(one.intent, TorqueCap) for joint in one.binds}
+        caps = {
+            joint: one.intent.limit for one in self._held if isinstance(one.intent, TorqueCap) for joint in one.binds
+        }
         return Restrictions(frozenset(self._planted), caps)
 
     @property
@@ -155,7 +157,7 @@ class RestrictionTargets:
             lands = [step.land for step in settled if isinstance(one.intent, Contact) and step.side in one.binds]
             down = max([rows.start_tick, *lands])
             late_s = (down - one.born) / self._rate
-            known = {"tick": down}
+            known: dict[str, object] = {"tick": down}
             if lands and late_s > _LATE_S:
                 known |= {"state": "slowed", "slowed": f"{late_s:.2f} s until it is down"}
             self._held[place] = replace(one, heard=one.heard.model_copy(update=known))

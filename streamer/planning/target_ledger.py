@@ -196,7 +196,7 @@ class TargetLedger:
             self._planned, self._open = replace(self._open, heard=heard), None
 
     def amend(self, target: int, change: Callable[[Heard], Heard]) -> bool:
-        """Change the answer to a target that its plan has shown to be another, before it is given or by a later version.
+        """Change the answer to a target, for what its plan has shown: before it is given, or by a later version.
 
         Returns:
             Whether it is planned or followed.

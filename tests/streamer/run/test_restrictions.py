@@ -1,4 +1,4 @@
-"""Feet that stay down and torque caps in a whole run in lockstep: what the robot does, and what becomes of each target."""
+"""Feet that stay down and torque caps in a whole run in lockstep: what the robot does, and what is answered."""
 
 from __future__ import annotations
 
