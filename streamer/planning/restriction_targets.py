@@ -77,15 +77,15 @@ class RestrictionTargets:
         self._waiting: list[tuple[Target, float]] = []
         self._held: list[_Held] = []
         self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revisions = Revisions(self._rate)
+        self._revisions, self._all_go = Revisions(self._rate), False
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
         self._waiting.append((target, born_s))
 
     def let_all_go(self) -> None:
-        """All that restricts the robot is over, on request."""
-        self._keep([])
+        """All that restricts the robot is to end, on a request that is answered elsewhere."""
+        self._all_go = True
 
     def update(self, row: TickRow, tick: float, now_s: float, upper: Float) -> None:
         """Take what has arrived, and answer what is known.
@@ -97,6 +97,7 @@ class RestrictionTargets:
         """
         ended = ended_by(row)
         waiting, self._waiting = self._waiting, []
+        all_go, self._all_go = self._all_go, False
         if ended is not None:
             for target, _ in waiting:
                 self._tell(target, "refused", ended)
@@ -105,6 +106,8 @@ class RestrictionTargets:
             self._end(ended, [] if without_torque else [one for one in self._held if one.answered])
             return
         self._answer(row)
+        if all_go:
+            self._keep([])
         if any(one.until <= tick for one in self._held):
             self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
             self._keep([one for one in self._held if one.until > tick])
