@@ -17,8 +17,8 @@ from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.run.requests import Request
 
 
