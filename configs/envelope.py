@@ -33,6 +33,8 @@ class Envelope:
         back_emf: torque lost per speed [N·m·s/rad].
         nominal_voltage: supply at which the catalogue's figures hold [V].
         temperature_limit: of the servo's own shutdown [°C].
+        cap: greatest torque that is asked for, in either direction and at any speed [N·m]; infinite: what the servo can
+            give. It raises nothing.
     """
 
     stall: Float
@@ -40,6 +42,7 @@ class Envelope:
     back_emf: Float
     nominal_voltage: Float
     temperature_limit: Float
+    cap: Float
 
     @classmethod
     def of(cls, robot: Robot) -> Envelope:
@@ -50,7 +53,12 @@ class Envelope:
             back_emf=robot.back_emf,
             nominal_voltage=robot.nominal_voltage,
             temperature_limit=np.array([servo.temperature_limit for servo in robot.servos]),
+            cap=np.full(robot.n, np.inf),
         )
+
+    def capped(self, cap: Float) -> Envelope:
+        """The envelope of which no more than a torque is asked, (n,) [N·m]; infinite: all of it."""
+        return replace(self, cap=np.minimum(self.cap, cap))
 
     def at(self, voltage: Float | float | None = None, temperature: Float | float | None = None) -> Envelope:
         """The envelope at a supply [V] and a temperature of the windings [°C], (..., n) or one number each.
@@ -79,7 +87,7 @@ class Envelope:
         drag = self.back_emf * speed
         highest = np.minimum(np.where(speed > 0, self.usable, self.stall), self.stall - drag)
         lowest = np.maximum(-np.where(speed < 0, self.usable, self.stall), -self.stall - drag)
-        return lowest, highest
+        return np.maximum(lowest, -self.cap), np.minimum(highest, self.cap)
 
     def limit(self, torque: Float, speed: Float) -> Float:
         """Greatest torque at `speed` in the direction of `torque`, (..., n) [N·m]; 0 where there is none."""
@@ -89,11 +97,12 @@ class Envelope:
     def load(self, torque: Float, speed: Float) -> Float:
         """Share of the envelope that a torque needs, (..., n): 1 on its border, above 1 outside; NaN stays.
 
-        The larger of torque over what gears and current allow, and voltage over the supply.
+        The largest of torque over what gears and current allow, voltage over the supply, and torque over the cap.
         """
         most = np.where(torque * speed > 0, self.usable, self.stall)
         with np.errstate(divide="ignore", invalid="ignore"):
             load = np.maximum(np.abs(torque) / most, np.abs(torque + self.back_emf * speed) / self.stall)
+            load = np.maximum(load, np.abs(torque) / self.cap)
         return np.where((torque == 0) & (most == 0), 0.0, load)
 
     def corners(self, joint: int) -> tuple[Float, Float]:

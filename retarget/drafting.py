@@ -11,6 +11,8 @@ from flexmotion.retarget.plan import Plan
 
 DRAFTS = 3
 """Drafts of one plan at most: each takes as long as a plan without easing. The next plan goes on from its ease."""
+CAPPED_DRAFTS = 5
+"""Likewise where a torque is capped: no plan beyond it is played, and the whole way down takes four steps."""
 _GAIN = 0.98
 """A draft that does not lower the load to this share is dropped: what is too much is not in what was eased."""
 

@@ -10,6 +10,10 @@ LEAST_PACE, LEAST_SIZE = 0.6, 0.4
 """A human is slowed to this share of its pace at most, and made smaller to this share."""
 _PACE_STEP, _SIZE_STEP = 0.8, 0.75
 """Largest step of one draft: pace and size change the load of the next steps, not of those that are settled."""
+STANDING_PACE = 0.3
+"""Likewise where a torque of arms or head is capped and the robot makes no step: it may take any time."""
+_STANDING_STEP = 0.4
+"""Largest step of one draft then."""
 _LEAST_STEP = 0.95
 """Smallest step of one draft, as a share."""
 _RELAX = 1.15
@@ -23,7 +27,7 @@ class Ease:
     """How much of a human's motion is followed.
 
     Attributes:
-        pace: of the human's clock, in [`LEAST_PACE`, 1].
+        pace: of the human's clock, in [`LEAST_PACE`, 1], or in [`STANDING_PACE`, 1] for a torque cap.
         size: of steps, gestures and bends, in [`LEAST_SIZE`, 1].
     """
 
@@ -40,8 +44,9 @@ class Ease:
 
         The torque of motion grows with the square of its pace, so the root of what is too much is taken off.
         """
+        least, step = (STANDING_PACE, _STANDING_STEP) if effort.may_wait else (LEAST_PACE, _PACE_STEP)
         share = min((allowed / effort.load) ** 0.5, _LEAST_STEP)
-        return replace(self, pace=max(self.pace * max(share, _PACE_STEP), min(LEAST_PACE, self.pace)))
+        return replace(self, pace=max(self.pace * max(share, step), min(least, self.pace)))
 
     def smaller(self, effort: Effort, allowed: float) -> Ease:
         """Likewise; the same where it can be made no smaller."""

@@ -27,6 +27,8 @@ class Effort:
         joint: column of the joint.
         row: row of the plan.
         torque, limit: there [N·m].
+        cap: the torque cap of this joint, where that is what binds most [N·m]; None: the servo's envelope does.
+        may_wait: whether it is that of an arm or the head of a robot that makes no step, which may take any time.
     """
 
     load: float
@@ -34,27 +36,54 @@ class Effort:
     row: int = 0
     torque: float = 0.0
     limit: float = 0.0
+    cap: float | None = None
+    may_wait: bool = False
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What plans are judged by.
+
+    Attributes:
+        envelope: of the servos; None: torque caps alone count.
+        allowed: greatest load.
+        legs: columns of the leg joints.
+    """
+
+    envelope: Envelope | None
+    allowed: float
+    legs: NDArray[np.int64]
 
 
 def effort(
-    envelope: Envelope, legs: NDArray[np.int64], torque: Float, speed: Float, begins: tuple[int, int], ends: int
+    judged: Judged, torque: Float, speed: Float, begins: tuple[int, int], ends: int, cap: Float | None = None
 ) -> Effort:
     """The hardest moment of a plan.
 
     Args:
-        legs: columns of the leg joints.
         torque, speed: of the plan, (T, n) [N·m, rad/s].
         begins: first row that counts at all, and first one of the legs, not before it; see `changeable`.
         ends: row after the last one that counts.
+        cap: greatest torque of each joint, at which its load is the allowed one, (n,) [N·m]; infinite, or None: none.
     """
-    load = envelope.load(torque[:ends], speed[:ends])
+    envelope, limit = judged.envelope, np.full(torque.shape[1], np.inf) if cap is None else cap
+    capped = judged.allowed * np.abs(torque[:ends]) / limit
+    load = capped if envelope is None else np.maximum(envelope.load(torque[:ends], speed[:ends]), capped)
     load[: begins[0]] = 0.0
-    load[: begins[1], legs] = 0.0
+    load[: begins[1], judged.legs] = 0.0
     if not load.size:
         return Effort(0.0)
-    row, joint = np.unravel_index(int(np.argmax(load)), load.shape)
-    most = envelope.limit(torque[row], speed[row])
-    return Effort(float(load[row, joint]), int(joint), int(row), abs(float(torque[row, joint])), float(most[joint]))
+    row, joint = (int(place) for place in np.unravel_index(int(np.argmax(load)), load.shape))
+    binds = load[row, joint] > 0.0 and load[row, joint] == capped[row, joint]
+    most = limit[joint] if binds or envelope is None else envelope.limit(torque[row], speed[row])[joint]
+    return Effort(
+        load=float(load[row, joint]),
+        joint=joint,
+        row=row,
+        torque=abs(float(torque[row, joint])),
+        limit=float(most),
+        cap=float(limit[joint]) if binds else None,
+    )
 
 
 def changeable(settled: list[Step], tick: int, rate_hz: float) -> tuple[int, int]:

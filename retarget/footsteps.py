@@ -49,6 +49,7 @@ class FeetState:
         free: ticks from which each foot may lift, (2,).
         settled: steps that are under way or settled, in order; they are kept.
         at_rest: whether the robot has been standing still.
+        planted: feet that are to stay where they are, 0 left, 1 right; while there is one no further step is made.
     """
 
     feet: Float
@@ -57,6 +58,7 @@ class FeetState:
     free: Float
     settled: list[Step]
     at_rest: bool
+    planted: frozenset[int] = frozenset()
 
 
 class FootstepPlanner:
@@ -89,6 +91,8 @@ class FootstepPlanner:
         Returns:
             Steps in order of time, the settled ones first.
         """
+        if start.planted:
+            return start.settled
         timing, window = self.timing, view.window
         notice_s = UNHURRIED_S if start.at_rest and not start.settled else NOTICE_S
         earliest, insertable = (view.tick + timing.ticks(s) + put_off for s in (notice_s, UNHURRIED_S))
@@ -128,29 +132,48 @@ class FootstepPlanner:
             made.steps[0] = replace(made.steps[0], notice_s=max(notice_s, made.steps[0].notice_s))
         return made.steps
 
-    def gather(self, steps: list[Step], feet: Float, after: int, longer: Mapping[int, int] = _NO_LONGER) -> list[Step]:
-        """The steps, and one more that puts the feet side by side if they would not end so.
+    def withheld(self, view: HumanView, start: FeetState) -> int:
+        """How many of the human's steps are not made because a foot is to stay where it is."""
+        if not start.planted:
+            return 0
+        window, end, gone = view.window, view.tick_at(view.window.end_s), start.consumed
+        open_swings = (swing for swing in window.swings if not is_consumed(swing, float(gone[swing.side])))
+        begun = (swing for swing in open_swings if view.tick <= view.tick_at(swing.lift_s) < end)
+        return sum(is_step(window, swing) for swing in begun)
+
+    def gather(
+        self,
+        steps: list[Step],
+        feet: Float,
+        after: int,
+        longer: Mapping[int, int] = _NO_LONGER,
+        planted: frozenset[int] = frozenset(),
+    ) -> list[Step]:
+        """The steps, and one more that puts the feet side by side if they would not end so; none of a planted foot.
 
         Args:
             feet: poses of both feet before the steps, (2, 4) [m, m, m, rad].
             after: first tick from which the robot has nothing else to do.
             longer: ticks by which the step after them lands later, by its place.
+            planted: as of `FeetState`.
         """
-        feet = feet.copy()
+        if len(planted) == 2:
+            return steps
+        feet, side = feet.copy(), 1 if 0 in planted else 0
         for step in steps:
             feet[step.side] = step.target
             after = max(after, step.land)
-        left, right = feet
-        width, cos, sin = self.footholds.stand_width, np.cos(right[3]), np.sin(right[3])
-        beside = right + np.array([-sin * width, cos * width, 0.0, 0.0])
-        if np.hypot(*(left - beside)[:2]) < _BESIDE_DISTANCE and abs(left[3] - right[3]) < _BESIDE_YAW:
+        foot, other = feet[side], feet[1 - side]
+        across = self.footholds.stand_width * (1.0 if side == 0 else -1.0)
+        beside = other + np.array([-np.sin(other[3]) * across, np.cos(other[3]) * across, 0.0, 0.0])
+        if np.hypot(*(foot - beside)[:2]) < _BESIDE_DISTANCE and abs(foot[3] - other[3]) < _BESIDE_YAW:
             return steps
         lift = after + self.timing.ticks(UNHURRIED_S)
         # The last step must end beside the other foot: a long or turning one takes more time.
-        seconds = max(INSERTED_SWING_S, self.swings.shortest_s(0, left, beside))
+        seconds = max(INSERTED_SWING_S, self.swings.shortest_s(side, foot, beside))
         land = lift + int(np.ceil(seconds * self.timing.rate)) + longer.get(len(steps), 0)
         # It uses up no swing of the human.
-        last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
+        last = Step(side, lift, land, foot.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
 
     def _catch_up(self, view: HumanView, made: _Sequence, unhurried: int, swing: Swing | None = None) -> None:

@@ -48,6 +48,8 @@ class PartGoal:
         angles: there [rad], (K,).
         due: tick at which they are reached, or as soon after it as speed and acceleration allow.
         until: tick until which they are held; infinite: until it is no goal any more.
+        acceleration: bounds on the way there below those of the filter, as of a joint whose torque is capped, (K,)
+            [rad/s²]; None: those of the filter.
 
     Raises:
         RetargetError: a value is not a number, or there is not one angle for each channel.
@@ -58,6 +60,7 @@ class PartGoal:
     angles: Float
     due: float
     until: float
+    acceleration: Float | None = None
 
     def __post_init__(self) -> None:
         if self.angles.shape != self.channels.shape or not np.isfinite(self.angles).all():
@@ -118,7 +121,9 @@ class PartPaths:
             if (state.part[own] == goal.number).all():
                 continue
             begin, speed = state.position[own], state.velocity[own]
-            ticks = self._ticks(own, begin, speed, goal.angles, goal.due - tick)
+            state.part_bound[own] = np.inf if goal.acceleration is None else goal.acceleration
+            bound = np.minimum(self._follower.acceleration, state.part_bound)[own]
+            ticks = self._ticks(own, begin, speed, goal.angles, goal.due - tick, bound)
             state.part[own] = goal.number
             state.part_from[own], state.part_speed[own], state.part_to[own] = begin, speed, goal.angles
             state.part_begins[own], state.part_due[own] = tick, tick + ticks
@@ -161,7 +166,7 @@ class PartPaths:
         way = np.abs(state.part_to - self._rest)
         seconds = np.maximum(
             (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
-            np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * self._follower.acceleration)),
+            np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * np.minimum(self._follower.acceleration, state.part_bound))),
         )
         for number in np.unique(state.part[state.part > 0]):
             own = state.part == number
@@ -179,25 +184,29 @@ class PartPaths:
         places = state.part_from[channel] + _places((line - begins) / (due - begins), way, speed, float(rise[0]))
         return self._follower.passing(places, channel)
 
-    def _ticks(self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: Float, asked: float) -> float:
-        """Ticks of a path: as asked, or the least within the bounds."""
+    def _ticks(
+        self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: Float, asked: float, bound: Float
+    ) -> float:
+        """Ticks of a path: as asked, or the least within the bounds; `bound`: of its acceleration, (K,) [rad/s²]."""
         ticks = max(asked, _SHORTEST_S * self._rate)
         while True:
             seconds = ticks / self._rate
-            if self._rises(channels, goal - begin, speed * seconds, seconds)[1].all():
+            if self._rises(channels, goal - begin, speed * seconds, seconds, bound)[1].all():
                 return ticks
             ticks *= _LONGER
 
     def _rises(
-        self, channels: NDArray[np.int64], way: Float, speed: Float, seconds: float
+        self, channels: NDArray[np.int64], way: Float, speed: Float, seconds: float, acceleration: Float | None = None
     ) -> tuple[Float, NDArray[np.bool_]]:
         """Share of a path's time in which the speed of each channel rises, and whether that is within the bounds, (K,).
 
         Args:
             way, speed: of each channel, the speed at its begin by the path's time, (K,) [rad].
+            acceleration: bounds of each channel, (K,) [rad/s²]; None: those of the filter.
         """
         fastest = _SHARE * self._follower.speed[channels] * seconds
-        hardest = _SHARE * self._follower.acceleration[channels] * seconds**2
+        bound = self._follower.acceleration[channels] if acceleration is None else acceleration
+        hardest = _SHARE * bound * seconds**2
         top = _top(way, speed, _RISES[:, None])
         # A joint that is faster than that already is not asked to be slower at once.
         slow = np.abs(top) <= np.maximum(fastest, np.abs(speed))

@@ -38,6 +38,9 @@ class Plan:
         hand_error: distance of each hand from its target, (T, 2) [m]; NaN out of reach and between source frames.
         repairs: number of references that were bounded to the robot's limits, by kind, (T,) each.
         steps: footsteps that lift within the plan, each with the number of human steps left out before it.
+        withheld: steps of the human that are not made because a foot is to stay where it is; 0 for a plan from shared
+            memory.
+        torque_cap: greatest torque that goals of arms and head may imply, (n,) [N·m]; infinite where there is none.
         eased: what it was eased to, and why; None where plans are not judged, and for a plan from shared memory.
         human: the human frames that the plan was made from, from source frame `human_first_frame` on, so that the next
             plan can blend from them; None for a stop, and for a plan from shared memory.
@@ -62,6 +65,8 @@ class Plan:
     hand_error: Float
     repairs: dict[str, NDArray[np.int64]]
     steps: list[Step]
+    torque_cap: Float
+    withheld: int = 0
     eased: Eased | None = None
     human: Motion | None = None
     human_first_frame: int = 0

@@ -23,14 +23,15 @@ from flexmotion.retarget import balance, posture
 from flexmotion.retarget.arm_cost import ArmTargets
 from flexmotion.retarget.arm_guard import ArmGuard
 from flexmotion.retarget.bend import TrunkBend
-from flexmotion.retarget.drafting import DRAFTS, best_draft
+from flexmotion.retarget.drafting import CAPPED_DRAFTS, DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
-from flexmotion.retarget.effort import Effort, changeable, effort
+from flexmotion.retarget.effort import Effort, Judged, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
 from flexmotion.retarget.part_solver import PartSolver
 from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.restrictions import NO_RESTRICTIONS, Restrictions
 from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
@@ -118,6 +119,20 @@ class Retargeter:
         state.com_offset, state.q, state.base = offset[0], q, base
         return vector
 
+    def holding_torque(self, upper: Float) -> Float:
+        """Torque that each joint needs to stand upright at the stand pose, (n,) [N·m].
+
+        Args:
+            upper: angles of arms and head meanwhile, by `UpperBody.joints`, (C,) [rad].
+        """
+        now = self.layout.view(self.standing())
+        q = now.q[:1].copy()
+        q[0, self.body.upper.joints] = upper
+        still, rest = np.zeros((1, 6)), np.zeros_like(q)
+        share = np.full(1, 0.5)
+        torque, _ = self.body.dynamics.inverse(now.base[:1], still, still, q, rest, rest, now.feet[None], share)
+        return np.asarray(torque[0])
+
     def next_frame(self, state: Float, tick: int, fps: float) -> int:
         """Index of the first source frame that a plan resumed from `state` at `tick` must be given.
 
@@ -146,6 +161,7 @@ class Retargeter:
         horizon: int | None = None,
         exact: bool = False,
         parts: PartGoals = NO_PARTS,
+        restrictions: Restrictions = NO_RESTRICTIONS,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> Plan:
         """The plan that starts at `tick`.
@@ -158,34 +174,56 @@ class Retargeter:
             horizon: most rows that may follow the human; the settings' where not given.
             exact: the feet turn to where a standing human looks by small steps too.
             parts: where joints of arms and head are to be, whatever the human does.
+            restrictions: what the plan may not do, whatever the human does. Those of legs bind what follows the human;
+                a stop is what it is.
             checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
             A plan of up to the horizon, as far as the motion reaches, and its stop tail. Where the settings have an
-            `effort_limit`, the motion is eased until the plan needs no more than that of the servos' envelope.
+            `effort_limit`, the motion is eased until the plan needs no more than that of the servos' envelope; where
+            torques are capped, until it needs no more than these. It comes to a stop where no easing is enough.
         """
         allowed = self.settings.effort_limit
-        whole = partial(self._draft, state, tick=tick, horizon=horizon, exact=exact, parts=parts, checkpoint=checkpoint)
-        if allowed is None or motion is None:
+        whole = partial(
+            self._draft,
+            state,
+            tick=tick,
+            horizon=horizon,
+            exact=exact,
+            parts=parts,
+            restrictions=restrictions,
+            checkpoint=checkpoint,
+        )
+        if motion is None or (allowed is None and not restrictions.caps):
             return whole(motion, first_frame, WHOLE)
         now = self.layout.view(state.copy())
         begins = changeable(now.steps.steps(), tick, self.rate)
+        judged = Judged(None if allowed is None else self.envelope, 1.0 if allowed is None else allowed, self.legs)
 
         def make(ease: Ease) -> tuple[Plan, Effort]:
             plan = whole(motion, first_frame, ease)
-            return plan, effort(self.envelope, self.legs, plan.torque, plan.qd, begins, plan.stop_row)
+            cap = self._cap(plan, restrictions)
+            found = effort(judged, plan.torque, plan.qd, begins, plan.stop_row, cap)
+            stands = found.cap is not None and found.joint not in self.legs and bool(plan.contacts.all())
+            return plan, replace(found, may_wait=stands)
 
         # A short plan for a new target must come soon; the whole one right after it is eased.
         short = horizon is not None and horizon < self.horizon
-        best = best_draft(make, Ease(*now.ease), allowed, 1 if short else DRAFTS)
-        plan, lag = best.plan, 0.0
-        if best.effort.load > allowed and not short:
-            rows = slice(best.plan.stop_row)
-            lag = float(np.abs(servo_lag(self.robot, self.envelope, plan.torque[rows], plan.qd[rows])).max())
-        refused = lag > self.allowed_lag
+        most = CAPPED_DRAFTS if restrictions.caps else DRAFTS
+        best = best_draft(make, Ease(*now.ease), judged.allowed, 1 if short else most)
+        plan, lag, refused = best.plan, 0.0, False
+        if best.effort.load > judged.allowed and not short:
+            # The loop holds arms and head to their caps: what these lack of a plan's torque they fall behind by.
+            cap = self._cap(plan, restrictions)
+            cap[self.legs] = np.inf
+            counts = np.isfinite(cap) | (allowed is not None)
+            torque, speed = plan.torque[: plan.stop_row], plan.qd[: plan.stop_row]
+            behind = np.abs(servo_lag(self.robot, self.envelope.capped(cap), torque, speed))
+            lag = float(behind[:, counts].max(initial=0.0))
+            refused = lag > self.allowed_lag or (best.effort.cap is not None and best.effort.joint in self.legs)
         if refused:
             plan = whole(None, first_frame, best.ease)
-        self.layout.view(plan.states).ease = np.array(astuple(best.ease.relaxed(best.effort, allowed)))
+        self.layout.view(plan.states).ease = np.array(astuple(best.ease.relaxed(best.effort, judged.allowed)))
         return replace(plan, eased=Eased(best.ease, best.drafts, best.effort, best.first, refused, lag))
 
     def _draft(
@@ -200,11 +238,13 @@ class Retargeter:
         exact: bool,
         parts: PartGoals,
         checkpoint: Callable[[], None],
+        restrictions: Restrictions = NO_RESTRICTIONS,
     ) -> Plan:
         """The plan at one ease; arguments of `plan`."""
         vector = state.copy()
         now = self.layout.view(vector)
         self.parts.update(now, parts, tick)
+        now.planted[...] = [side in restrictions.planted for side in (0, 1)]
         view = view_human(
             now,
             motion,
@@ -279,9 +319,27 @@ class Retargeter:
                 "torque": np.full(rows, 0 if ease.whole else 1, np.int64),
             },
             steps=[step for step in walk.steps if step.lift >= tick],
+            torque_cap=self._clamp(restrictions),
+            withheld=walk.withheld,
             human=motion,
             human_first_frame=first_frame,
         )
+
+    def _cap(self, plan: Plan, restrictions: Restrictions) -> Float:
+        """Greatest torque of each joint for which a plan is eased, (n,) [N·m].
+
+        Joints that a target leads have a time of their own, which no ease changes: their paths are laid out for it.
+        """
+        cap = restrictions.cap(self.robot.n)
+        led = self.parts.led(self.layout.view(plan.states[0].copy()), plan.start_tick)
+        cap[self.body.upper.joints[led[len(POSTURE) :]]] = np.inf
+        return cap
+
+    def _clamp(self, restrictions: Restrictions) -> Float:
+        """Greatest torque that goals of joints may imply which carry nothing but themselves, (n,) [N·m]."""
+        cap, clamp, upper = restrictions.cap(self.robot.n), np.full(self.robot.n, np.inf), self.body.upper.joints
+        clamp[upper] = cap[upper]
+        return clamp
 
     def _targets(
         self, state: RetargetState, view: HumanView | None, schedule: Schedule, checkpoint: Callable[[], None]

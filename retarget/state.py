@@ -75,6 +75,10 @@ class RetargetState(Record):
     """Tick at which it is at the goal."""
     part_until: Float = column("f8", "channels")
     """Tick until which it holds."""
+    part_bound: Float = column("f8", "channels")
+    """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
+    planted: Float = column("f8", 2)
+    """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,6 @@ class StateLayout:
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
         state.ease[...] = 1.0
-        state.part_until[...] = -np.inf
+        state.part_until[...], state.part_bound[...] = -np.inf, np.inf
         state.drift[...] = np.nan
         return vector

@@ -17,6 +17,8 @@ from flexmotion.retarget.state import RetargetState
 
 Float = NDArray[np.float64]
 
+_MOST_TURNED = 0.26
+"""Turn of the human's feet beyond those of a robot that stays in its place, which is not the robot's [rad]."""
 _MOST_DRIFT = 0.2
 """Most that a robot drifts from its plan's heading between two plans [rad]."""
 
@@ -130,6 +132,8 @@ def view_human(
         state.heading[...] = state.feet[:, 3].mean() - window.yaws[0, 2]
         state.yaws[...] = window.yaws[0]
         state.consumed[...] = window.times[0]
+    if (state.planted > 0).any():
+        _stand_in_place(state, window)
     state.human_feet[...] = np.where(np.isnan(state.human_feet), window.feet[0, :, :2], state.human_feet)
     source_tick = float(state.source_tick)
     rows = (source_tick + window.end_s * rate_hz - tick) / ease.pace
@@ -144,6 +148,14 @@ def view_human(
     return HumanView(
         window, scaling, source_tick, rate_hz, tick, follow, whole=follow == horizon, exact=exact, ease=ease
     )
+
+
+def _stand_in_place(state: RetargetState, window: HumanWindow) -> None:
+    """Let the feet of a robot that stays where it is represent the human's wherever those have gone, and turned to."""
+    state.human_feet[...] = np.nan
+    turned = float(state.heading) + window.yaws[0, :2].mean() - state.feet[:, 3].mean()
+    if abs(turned) > _MOST_TURNED:
+        state.heading[...] -= turned
 
 
 def forget_human(state: RetargetState) -> None:

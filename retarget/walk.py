@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -45,12 +45,14 @@ class Walk:
         ticks: loop tick of each row of the plan, (T,).
         schedule: feet, contacts and load over the rows.
         balance: zero-moment point and divergent component over the rows.
+        withheld: steps of the human that are not made because a foot is to stay where it is.
     """
 
     steps: list[Step]
     ticks: Float
     schedule: Schedule
     balance: Absorbed
+    withheld: int = 0
 
 
 class WalkPlanner:
@@ -84,7 +86,8 @@ class WalkPlanner:
         """
         start = self._feet_state(state, view.tick)
         make = partial(self._in_time, state, view, start)
-        return self._with_time(state, len(start.settled), make, last=not view.whole)
+        walk = self._with_time(state, len(start.settled), make, last=not view.whole)
+        return replace(walk, withheld=self.footsteps.withheld(view, start))
 
     def _with_time(
         self, state: RetargetState, settled: int, make: Callable[[Mapping[int, int]], Walk], *, last: bool
@@ -126,7 +129,9 @@ class WalkPlanner:
 
         def make(longer: Mapping[int, int]) -> Walk:
             settled = [step.longer(longer.get(k, 0)) for k, step in enumerate(start.settled)]
-            return self._lay_out(state, self.footsteps.gather(settled, start.feet, tick, longer), tick, None)
+            return self._lay_out(
+                state, self.footsteps.gather(settled, start.feet, tick, longer, start.planted), tick, None
+            )
 
         return self._with_time(state, len(start.settled), make, last=True)
 
@@ -134,7 +139,7 @@ class WalkPlanner:
         """Middle of the feet and their heading at the end of a stop, (3,) [m, m, rad]; arguments as of `stop`."""
         start = self._feet_state(state, tick)
         feet = start.feet
-        for step in self.footsteps.gather(start.settled, feet, tick):
+        for step in self.footsteps.gather(start.settled, feet, tick, planted=start.planted):
             feet[step.side] = step.target
         middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
         return middle
@@ -146,7 +151,7 @@ class WalkPlanner:
         steps = self.footsteps.plan(view, start, put_off, longer)
         # Where the frames end before the horizon this plan is the last one: it is played to its end.
         if not view.whole:
-            steps = self.footsteps.gather(steps, start.feet, view.end_tick, longer)
+            steps = self.footsteps.gather(steps, start.feet, view.end_tick, longer, start.planted)
         return self._lay_out(state, steps, view.tick, view)
 
     def _feet_state(self, state: RetargetState, tick: int) -> FeetState:
@@ -160,6 +165,7 @@ class WalkPlanner:
             free=self.footsteps.timing.free(1 - int(state.stance), landed),
             settled=state.steps.steps(),
             at_rest=tick > landed + _AT_REST_S * self.rate,
+            planted=frozenset(map(int, np.flatnonzero(state.planted))),
         )
 
     def _lay_out(self, state: RetargetState, steps: list[Step], tick: int, view: HumanView | None) -> Walk:

@@ -31,7 +31,8 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.part_intents import SIDES, Hand, JointAngle, Look, Relax
+from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
+from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.session import Session

@@ -1,4 +1,4 @@
-"""Options of `flexmotion send` that bring one part of the body somewhere."""
+"""Options of `flexmotion send` for one part of the body: where it is to be, or what it may not do."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _IN_S_MOST = 10.0
 
 @dataclass(frozen=True)
 class PartOptions:
-    """One part, and where it is to be."""
+    """One part, and where it is to be or what it may not do."""
 
     hand: Annotated[
         tuple[str, float, float, float] | None,
@@ -43,12 +43,28 @@ class PartOptions:
             "--joint", metavar="NAME DEGREES", help="Bring a joint of arms or head to an angle.", show_default=False
         ),
     ] = None
+    contact: Annotated[
+        str | None,
+        typer.Option(
+            "--contact", metavar="FOOT", help="Keep a foot on the ground: left, right or both.", show_default=False
+        ),
+    ] = None
+    torque: Annotated[
+        tuple[str, float] | None,
+        typer.Option(
+            "--torque",
+            metavar="JOINT NM",
+            help='Ask no more torque of a joint: its name, "knee", "left knee" \\[N·m].',
+            show_default=False,
+        ),
+    ] = None
     relax: Annotated[
         str | None,
         typer.Option(
             "--relax",
             metavar="PART",
-            help='Let a part go: "left hand", "right hand", "head", "joint NAME", or all.',
+            help='Let a part go: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", '
+            '"both feet", "torque NAME", or all.',
             show_default=False,
         ),
     ] = None
@@ -67,6 +83,8 @@ class PartOptions:
             "--point": self.point,
             "--look": self.look,
             "--joint": self.joint,
+            "--contact": self.contact,
+            "--torque": self.torque,
             "--relax": self.relax,
         }
 
@@ -87,4 +105,9 @@ class PartOptions:
         if self.joint is not None:
             name, degrees = self.joint
             return {"type": "joint", "joint": name, "angle_rad": math.radians(degrees), "in_s": self.in_s}
+        if self.contact is not None:
+            return {"type": "contact", "foot": self.contact}
+        if self.torque is not None:
+            named, limit = self.torque
+            return {"type": "torque", "joint": named, "limit_nm": limit}
         return {"type": "relax", "part": self.relax}

@@ -332,7 +332,9 @@ class ControlLoop:
             place = float(self.tick_count - plan.start_tick)
             self.now.take(plan, place)
             self.ahead.take(plan, place + self._lead)
+            np.copyto(self.servo.cap, plan.torque_cap)
         else:
+            self.servo.cap.fill(np.inf)
             self.move.step(self.now)
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None

@@ -85,6 +85,7 @@ class PlanHead(Record):
     """Rows used, of the plan and (`step_count`) of `steps`."""
     step_count: Int = column("i8")
     steps: StepRecord = column(StepRecord, MOST_STEPS)
+    torque_cap: Float = column("f8", "joints")
 
 
 class PlanRows(Record):
@@ -136,7 +137,7 @@ class PlanBuffer:
             PlanRows({name: shared_array((self.rows, *row[name].shape), row[name].base) for name in PlanRows.names()})
             for _ in range(SLOTS)
         ]
-        self._heads = PlanHead(shared_array(SLOTS, PlanHead.dtype()))
+        self._heads = PlanHead(shared_array(SLOTS, PlanHead.dtype(joints=joints)))
         self._newest = shared_array(1, np.int64)  # id of the newest plan; its slot is in `_slot`
         self._slot = shared_array(1, np.int64)
         self._held = shared_array(3, np.int64)  # slots that the loop plays, keeps for its tick, and examines
@@ -178,6 +179,7 @@ class PlanBuffer:
         head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
         head.step_count[...] = len(plan.steps)
         head.steps[: len(plan.steps)] = pack_steps(plan.steps)
+        head.torque_cap[...] = plan.torque_cap
         fence()
         self._slot[0] = slot
         fence()
@@ -243,6 +245,7 @@ class PlanBuffer:
             stop_row=int(head.stop_row),
             repairs={kind: rows.repairs[:, index] for index, kind in enumerate(REPAIRS)},
             steps=head.steps[: int(head.step_count)].steps(),
+            torque_cap=head.torque_cap,
             **arrays,
         )
         return Offer(Ticket(**{name: getattr(head, name).item() for name in _TICKET}), plan, slot)

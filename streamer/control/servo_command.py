@@ -5,6 +5,8 @@ therefore q_ref + (torque + b q_ref') / kp. The goal may be far ahead of the joi
 that the goal implies at the joint's present position and speed, and the goal itself by the joint's limits. If a joint
 is outside its limits when torque is switched on, its goals begin there and from then on only move inwards.
 
+A cap lowers what the goal of a joint may imply below what its servo can give; it raises nothing.
+
 A disturbance (a joint that answers again elsewhere than was assumed, a stall of the loop, the start of a stream) makes
 the next goal differ from the one before by more than the plan moves. This difference is kept as an offset, which decays
 at a bounded speed. Without a disturbance it is zero: a bound on the goal itself would destroy a walk, whose goals move
@@ -55,6 +57,7 @@ class ServoCommand:
     Attributes:
         goal: servo goals, (n,) [rad].
         offset: what disturbances have left in the goals, (n,) [rad].
+        cap: greatest torque that the goal of a joint may imply, (n,) [N·m]; infinite: what its servo can give.
         position_clamps, torque_clamps: how many joints were clamped in the last tick.
     """
 
@@ -62,6 +65,7 @@ class ServoCommand:
         self.robot, self.delay = robot, delay_s
         self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self.offset = np.zeros(robot.n)
+        self.cap = np.full(robot.n, np.inf)
         self.position_clamps = self.torque_clamps = 0
         self._velocity = np.zeros(robot.n)
         nominal = robot.nominal_voltage
@@ -223,8 +227,13 @@ class ServoCommand:
         positions, velocities = self._now_and_later
         positions[0], positions[1] = position, position + self.delay * (velocity + later)
         velocities[0], velocities[1] = velocity, later
-        lowest, highest = self._envelope(positions, velocities, kp, supply, usable)
-        return np.maximum(np.minimum(goal, np.minimum(*highest)), np.maximum(*lowest))
+        lows, highs = self._envelope(positions, velocities, kp, supply, usable)
+        lowest, highest = np.maximum(*lows), np.minimum(*highs)
+        bounded = np.maximum(np.minimum(goal, highest), lowest)
+        apart = lowest > highest
+        if some(apart):  # a fast joint with a low cap: no goal is within it at both, this one is as it was measured
+            np.copyto(bounded, np.clip(bounded, lows[0], highs[0]), where=apart & np.isfinite(self.cap))
+        return bounded
 
     def _envelope(
         self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float | None
@@ -235,12 +244,12 @@ class ServoCommand:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
         """
         robot = self.robot
-        braking = BRAKING_SHARE * robot.stall_torque * supply
+        braking = np.minimum(BRAKING_SHARE * robot.stall_torque * supply, self.cap)
         drag = robot.back_emf * velocity
         if usable is None:
-            most = np.maximum(braking, robot.usable_torque * supply)
+            most = np.minimum(np.maximum(braking, robot.usable_torque * supply), self.cap)
             return position + (drag - most) / kp, position + (drag + most) / kp
-        usable = usable * supply
+        usable = np.minimum(usable * supply, self.cap)
         more = np.maximum(braking - usable, 0.0)
         along = np.minimum(np.maximum(velocity / BRAKING_SPEED, -1.0), 1.0)
         upper = usable + more * np.maximum(-along, 0.0)

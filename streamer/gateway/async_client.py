@@ -25,7 +25,8 @@ from flexmotion.streamer.gateway.connection import (
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.motion.part_intents import Side
+from flexmotion.streamer.motion.part_values import Side
+from flexmotion.streamer.motion.restriction_intents import Foot
 
 
 class AsyncClient(Messages):
@@ -110,6 +111,14 @@ class AsyncClient(Messages):
     async def joint(self, joint: str, angle: float, *, in_s: float | None = None, ttl_s: float | None = None) -> Answer:
         """See `Client.joint`."""
         return await self.ask(part_content("joint", in_s, ttl_s, joint=joint, angle_rad=angle))
+
+    async def contact(self, foot: Foot, *, ttl_s: float | None = None) -> Answer:
+        """See `Client.contact`."""
+        return await self.ask({"type": "contact", "foot": foot, "ttl_s": ttl_s})
+
+    async def torque(self, joint: str, limit: float, *, ttl_s: float | None = None) -> Answer:
+        """See `Client.torque`."""
+        return await self.ask({"type": "torque", "joint": joint, "limit_nm": limit, "ttl_s": ttl_s})
 
     async def relax(self, part: str = "all") -> Answer:
         """See `Client.relax`."""

@@ -33,7 +33,8 @@ from flexmotion.streamer.gateway.connection import (
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.motion.part_intents import Side
+from flexmotion.streamer.motion.part_values import Side
+from flexmotion.streamer.motion.restriction_intents import Foot
 
 
 class Client(Messages):
@@ -117,8 +118,16 @@ class Client(Messages):
         """Bring a joint of arms or head to an angle [rad]; see `JointMessage`."""
         return self.ask(part_content("joint", in_s, ttl_s, joint=joint, angle_rad=angle))
 
+    def contact(self, foot: Foot, *, ttl_s: float | None = None) -> Answer:
+        """Keep a foot on the ground where it is, or both, until it is let go; see `ContactMessage`."""
+        return self.ask({"type": "contact", "foot": foot, "ttl_s": ttl_s})
+
+    def torque(self, joint: str, limit: float, *, ttl_s: float | None = None) -> Answer:
+        """Ask no more than a torque of a joint [N·m], such as `knee`, until it is let go; see `TorqueMessage`."""
+        return self.ask({"type": "torque", "joint": joint, "limit_nm": limit, "ttl_s": ttl_s})
+
     def relax(self, part: str = "all") -> Answer:
-        """Let a part go, such as `left hand` or `head`, or all; see `RelaxMessage`."""
+        """Let a part go, such as `left hand`, `left foot` or `torque knee`, or all; see `RelaxMessage`."""
         return self.ask({"type": "relax", "part": part})
 
     def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:

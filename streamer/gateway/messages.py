@@ -25,6 +25,7 @@ from flexmotion.streamer.gateway.part_messages import (
     RelaxMessage,
     part_intent_of,
 )
+from flexmotion.streamer.gateway.restriction_messages import ContactMessage, TorqueMessage, restriction_of
 from flexmotion.streamer.motion.intents import (
     CLOSEST_M,
     FARTHEST_M,
@@ -187,6 +188,8 @@ Message = (
     | LookMessage
     | JointMessage
     | RelaxMessage
+    | ContactMessage
+    | TorqueMessage
     | ClipMessage
     | HoldMessage
     | StopMessage
@@ -307,6 +310,8 @@ def intent_of(message: Message) -> Intent | None:
             return Stop()
         case HandMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
             return part_intent_of(message)
+        case ContactMessage() | TorqueMessage():
+            return restriction_of(message)
     return None
 
 

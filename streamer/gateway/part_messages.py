@@ -14,6 +14,7 @@ from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from flexmotion.streamer.gateway.joint_messages import Joint
 from flexmotion.streamer.gateway.message_base import MessageBase
+from flexmotion.streamer.gateway.restriction_messages import NAMED_JOINT
 from flexmotion.streamer.motion.part_intents import (
     FARTHEST_HAND_M,
     LEAST_DIRECTION,
@@ -24,11 +25,12 @@ from flexmotion.streamer.motion.part_intents import (
     PartIntent,
     Point,
     Relax,
-    Side,
 )
+from flexmotion.streamer.motion.part_values import Side
 
 _Coordinate = Annotated[float, Field(ge=-FARTHEST_HAND_M, le=FARTHEST_HAND_M)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
+_PARTS = "all|left hand|right hand|head|left foot|right foot|both feet"
 _InS = Annotated[float, Field(ge=0.0, le=LONGEST_S, description="time until it is there [s]")]
 _Angle = Annotated[float, Field(ge=0.0, le=math.pi, description="[rad]")]
 
@@ -121,11 +123,12 @@ class RelaxMessage(MessageBase):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME"; "all": every part that is asked for something.
+        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME";
+            "all": every part that is asked for something.
     """
 
     type: Literal["relax"] = "relax"
-    part: Annotated[str, StringConstraints(pattern=r"^(all|left hand|right hand|head|joint [\w./-]{1,64})$")] = "all"
+    part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|joint [\w./-]{{1,64}}|torque {NAMED_JOINT})$")] = "all"
 
 
 PartMessages = HandMessage | PointMessage | LookMessage | JointMessage | RelaxMessage

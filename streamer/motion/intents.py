@@ -9,7 +9,8 @@ from typing import Any
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.motion.intent_values import require_numbers, require_words
-from flexmotion.streamer.motion.part_intents import PARTS, Hand, JointAngle, Look, Point, Relax, part_from_content
+from flexmotion.streamer.motion.part_intents import PARTS, PartIntent, part_from_content
+from flexmotion.streamer.motion.part_values import Logged
 
 FASTEST = (3.0, 1.5, 3.0)
 """Greatest velocity that may be requested, in either direction: a run forward, a quick sidestep, half a turn a second
@@ -136,7 +137,7 @@ class Stop:
     """Come to a balanced stop."""
 
 
-Intent = Clip | Text | Velocity | Heading | Waypoint | Stop | Hand | Point | Look | JointAngle | Relax
+Intent = Clip | Text | Velocity | Heading | Waypoint | Stop | PartIntent
 Goal = Heading | Waypoint
 """An intent that ends by itself, where the robot has arrived by its own odometry."""
 
@@ -171,7 +172,7 @@ def to_content(intent: Intent) -> dict[str, Any]:
             value = [x, y, heading, tolerance]
         case Stop():
             value = True
-        case Hand() | Point() | Look() | JointAngle() | Relax():
+        case Logged():
             value = intent.content()
     return {word_of(intent): value}
 
@@ -187,7 +188,7 @@ def words_of(intent: Intent) -> str:
             return f"velocity {[forward, left, turning]}"
         case Heading() | Waypoint():
             return goal_text(intent)
-        case Hand() | Point() | Look() | JointAngle() | Relax():
+        case Logged():
             return str(intent)
     return "stop"
 

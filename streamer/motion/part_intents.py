@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Any
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.motion.intent_values import require_numbers, require_words
-
-Side = Literal["left", "right"]
-SIDES: tuple[Side, ...] = get_args(Side)
+from flexmotion.streamer.motion.part_values import LONGEST_JOINT, SIDES, Logged, Side, require_choice, require_joint
+from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, TORQUE, Contact, TorqueCap
 
 FARTHEST_HAND_M = 2.0
 """Bound of each coordinate of a hand's place [m]."""
 LONGEST_S = 10.0
 """Longest time to a place [s]."""
-LONGEST_JOINT = 64
-"""Of a joint's name, in characters."""
 LEAST_DIRECTION = 1e-3
 """Least length of a direction."""
 _WIDEST_RAD = math.pi
@@ -30,11 +27,6 @@ HEAD = "head"
 """Name of the part that looks."""
 
 Vector = tuple[float, float, float]
-
-
-def _require_side(word: str, side: Any) -> None:
-    if side not in SIDES:
-        raise ConfigError(f"{word}: side: expected one of: {', '.join(SIDES)}; found {side!r}")
 
 
 def _require_vector(word: str, value: Any, bound: float) -> None:
@@ -59,16 +51,7 @@ def _told(values: Vector) -> str:
 
 
 @dataclass(frozen=True)
-class _Logged:
-    """An intent whose fields logs hold."""
-
-    def content(self) -> dict[str, Any]:
-        """The intent as logs hold it."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class Hand(_Logged):
+class Hand(Logged):
     """Bring a hand to a place.
 
     Attributes:
@@ -87,7 +70,7 @@ class Hand(_Logged):
     tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        _require_side("hand", self.side)
+        require_choice("hand: side", self.side, SIDES)
         _require_vector("hand: place", self.place, FARTHEST_HAND_M)
         _require_timing("hand", self.in_s, self.tolerance, FARTHEST_HAND_M)
 
@@ -101,7 +84,7 @@ class Hand(_Logged):
 
 
 @dataclass(frozen=True)
-class Point(_Logged):
+class Point(Logged):
     """Point somewhere with an arm, almost straight from shoulder to hand.
 
     Attributes:
@@ -121,7 +104,7 @@ class Point(_Logged):
     tolerance: float = 0.35
 
     def __post_init__(self) -> None:
-        _require_side("point", self.side)
+        require_choice("point: side", self.side, SIDES)
         _require_direction("point: direction", self.direction)
         _require_timing("point", self.in_s, self.tolerance, _WIDEST_RAD)
 
@@ -135,7 +118,7 @@ class Point(_Logged):
 
 
 @dataclass(frozen=True)
-class Look(_Logged):
+class Look(Logged):
     """Look into a direction with the head; nothing else turns.
 
     Attributes:
@@ -166,7 +149,7 @@ class Look(_Logged):
 
 
 @dataclass(frozen=True)
-class JointAngle(_Logged):
+class JointAngle(Logged):
     """Bring one joint of arms or head to an angle.
 
     Attributes:
@@ -186,11 +169,7 @@ class JointAngle(_Logged):
     tolerance: float = 0.1
 
     def __post_init__(self) -> None:
-        require_words("joint", self.joint, "the name of a joint")
-        if len(self.joint) > LONGEST_JOINT or not self.joint.isprintable():
-            raise ConfigError(
-                f"joint: expected a name of {LONGEST_JOINT} characters at most, found {self.joint[:80]!r}"
-            )
+        require_joint("joint", self.joint)
         require_numbers("joint: angle: expected radians", (self.angle,), math.tau)
         _require_timing("joint", self.in_s, self.tolerance, _WIDEST_RAD)
 
@@ -204,11 +183,12 @@ class JointAngle(_Logged):
 
 
 @dataclass(frozen=True)
-class Relax(_Logged):
+class Relax(Logged):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME"; "all": every one that was asked for something.
+        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME";
+            "all": every one that was asked for something.
 
     Raises:
         ConfigError: it is no name.
@@ -221,14 +201,29 @@ class Relax(_Logged):
         if len(self.part) > LONGEST_JOINT + 8 or not self.part.isprintable():
             raise ConfigError(f"relax: expected the name of a part, or all; found {self.part[:80]!r}")
 
+    @property
+    def lifts(self) -> bool:
+        """Whether it lets go what restricts the robot, feet or torques, rather than an arm or the head."""
+        return self.part in FOOT_PARTS.values() or self.part.startswith(TORQUE)
+
     def __str__(self) -> str:
         return f"relax {self.part}"
 
 
-PartIntent = Hand | Point | Look | JointAngle | Relax
+Placed = Hand | Point | Look | JointAngle
+"""An intent that brings a part somewhere."""
+PartIntent = Placed | Relax | Contact | TorqueCap
 """An intent for one part of the body."""
 
-PARTS: dict[str, type[PartIntent]] = {"hand": Hand, "point": Point, "look": Look, "joint": JointAngle, "relax": Relax}
+PARTS: dict[str, type[PartIntent]] = {
+    "hand": Hand,
+    "point": Point,
+    "look": Look,
+    "joint": JointAngle,
+    "relax": Relax,
+    "contact": Contact,
+    "torque": TorqueCap,
+}
 
 
 def part_from_content(word: str, value: Any) -> PartIntent:

@@ -1,10 +1,12 @@
-"""`part_of_words`: the intent for head or arm of a sentence that asks for nothing else."""
+"""`part_of_words`: the intent of a sentence that asks for head or arm alone, or only restricts the robot."""
 
 from __future__ import annotations
 
 from flexmotion.streamer.motion.intents import Intent, Text
-from flexmotion.streamer.motion.part_intents import Look, PartIntent, Point
+from flexmotion.streamer.motion.part_intents import Look, PartIntent, Point, Relax
+from flexmotion.streamer.motion.restriction_intents import LEAST_NM, MOST_NM, Contact, TorqueCap
 from flexmotion.text.part_phrases import part_phrase
+from flexmotion.text.restriction_phrases import restriction_phrase
 
 WORDS_HOLD_S = 5.0
 """A look or a point that was asked for in words is held this long; words say no end [s]."""
@@ -14,10 +16,25 @@ _TOLERANCE = 0.8
 
 
 def part_of_words(intent: Intent) -> PartIntent | None:
-    """What the words of an intent ask of head or arm alone; None where they ask for anything else."""
-    found = part_phrase(intent.text) if isinstance(intent, Text) else None
-    if found is None:
+    """What the words of an intent ask of head or arm alone, or restrict; None where they ask for anything else."""
+    if not isinstance(intent, Text):
         return None
+    found = part_phrase(intent.text)
+    if found is None:
+        return _restriction(intent.text)
     if found.side is None:
         return Look(found.direction, _IN_S, _TOLERANCE)
     return Point(found.side, found.direction, _IN_S, _TOLERANCE)
+
+
+def _restriction(sentence: str) -> PartIntent | None:
+    found = restriction_phrase(sentence)
+    if found is None:
+        return None
+    if found.foot is not None:
+        contact = Contact(found.foot)
+        return Relax(contact.part) if found.lets_go else contact
+    assert found.joint is not None
+    # A limit that no message could name is bounded: it is refused, or binds nothing, by what standing needs.
+    cap = TorqueCap(found.joint, min(max(found.limit or LEAST_NM, LEAST_NM), MOST_NM))
+    return Relax(cap.part) if found.lets_go else cap

@@ -75,7 +75,11 @@ class Step:
     @property
     def moves(self) -> bool:
         """Whether it moves the robot from its place, or turns it."""
-        return self.turn != 0 or self.axis != (0, 0) or self.kind == "velocity" or self.goal is not None
+        still = isinstance(self.intent, Velocity) and not any(
+            (self.intent.forward, self.intent.left, self.intent.turning)
+        )
+        velocity = self.kind == "velocity" and not still
+        return self.turn != 0 or self.axis != (0, 0) or velocity or self.goal is not None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Float, Int, Record, column
 from flexmotion.streamer.motion.intents import WORDS, Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
-from flexmotion.streamer.motion.part_intents import PARTS, Hand, JointAngle, Look, Point, Relax, part_from_content
+from flexmotion.streamer.motion.part_intents import PARTS, part_from_content
+from flexmotion.streamer.motion.part_values import Logged
 
 _TEXT_BYTES = 240
 _PART_BYTES = 480
@@ -143,7 +144,7 @@ class TargetSender:
                     row.goal[:2] = heading, _or_nan(turning)
                 case Waypoint(x, y, heading, tolerance):
                     row.goal[...] = x, y, _or_nan(heading), tolerance
-                case Hand() | Point() | Look() | JointAngle() | Relax():
+                case Logged():
                     row.part[...] = json.dumps(intent.content(), ensure_ascii=False).encode()
             row.holds_s[...], row.take_up_s[...] = holds_s, take_up_s
             target = Target(self._next_id(), time.perf_counter_ns(), intent, holds_s, take_up_s)

@@ -89,7 +89,12 @@ class EaseNotes:
         most = eased.first if eased.drafts > 1 else eased.effort
         joint = self.robot.joint_names[most.joint]
         at_s = (plan.start_tick + most.row) / self.robot.rate_hz
-        needs = f"{joint} needs {most.load:.2f} times its servo's envelope ({most.torque:.2f} N·m) at {at_s:.2f} s"
+        if most.cap is not None:
+            needs = f"{joint} needs {most.torque:.2f} N·m at {at_s:.2f} s, its cap is {most.cap:g} N·m"
+        else:
+            needs = f"{joint} needs {most.load:.2f} times its servo's envelope ({most.torque:.2f} N·m) at {at_s:.2f} s"
+        if degree is Degree.REFUSED and eased.effort.cap is not None:
+            return f"refused, the robot comes to a stand: {needs}, however it is eased"
         if degree is Degree.REFUSED:
             behind = f"falls {math.degrees(eased.lag):.0f}° behind, however it is eased"
             return f"refused, the robot comes to a stand: {needs} and {behind}"

@@ -7,7 +7,7 @@ given all that hold (`goals`), and the retargeter goes on with those that it has
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,17 +22,18 @@ from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import words_of
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, PartIntent, Point, Relax
+from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by
 
 Float = NDArray[np.float64]
 
+_LEAST_ROOM = 0.1
+"""Share of a torque cap that moves a joint at least, on a way from where it needs more than the cap at rest."""
 _LATE_S = 0.05
 """A part that is there later than asked by more than this is called slowed [s]."""
-_BETWEEN_S = 0.1
-"""Least time between two plans that are made for parts alone [s]: a hand that is dragged sends many."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class _Holding:
     """A part's target that holds, and its goal."""
 
     target: Target
-    intent: Hand | Point | Look | JointAngle
+    intent: Placed
     goal: PartGoal
     asked_due: float
     heard: Heard
@@ -56,19 +57,23 @@ class PartTargets:
     Args:
         retargeter: solves them.
         publish: is given the answer to every target, once; on_note: a message for the operator.
+        caps: gives the greatest torque by column of the joint [N·m]; see `Restrictions`.
     """
 
     def __init__(
-        self, retargeter: Retargeter, publish: Callable[[Heard], None], on_note: Callable[[str], None]
+        self,
+        retargeter: Retargeter,
+        publish: Callable[[Heard], None],
+        on_note: Callable[[str], None],
+        caps: Callable[[], Mapping[int, float]] = dict,
     ) -> None:
+        self._caps = caps
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
         self._waiting: list[tuple[Target, float]] = []
         self._holding: list[_Holding] = []
         self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revision, self._ended = 0, 0.0
-        self._made: dict[int, int] = {}  # revisions by plan
-        self._planned_tick = -math.inf
+        self._revisions, self._ended = Revisions(self._rate), 0.0
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
@@ -116,8 +121,7 @@ class PartTargets:
         """Whether a plan is due because the one with this id does not know all targets."""
         if not plan and not (self._waiting or self._holding or self._relaxed):
             return False  # no plan plays, and nothing is asked: what is over needs none
-        known = self._made.get(plan, 0) == self._revision
-        return not known and tick >= self._planned_tick + _BETWEEN_S * self._rate
+        return self._revisions.wants(plan, tick)
 
     @property
     def goals(self) -> PartGoals:
@@ -131,10 +135,7 @@ class PartTargets:
             plan: its id; rows: it; playing: id of the plan that plays.
             tick: that the loop does next.
         """
-        if self._revision not in self._made.values():
-            self._planned_tick = tick
-        self._made[plan] = self._revision
-        self._made = {key: value for key, value in self._made.items() if key >= playing}
+        self._revisions.made(plan, playing, tick)
         state = self._retargeter.layout.view(rows.states[0].copy())
         for place, one in enumerate(self._holding):
             own = one.goal.channels
@@ -175,17 +176,18 @@ class PartTargets:
         """Let a target hold. Raises `ConfigError` where it cannot be followed; names what is valid."""
         words = part_of_words(target.intent)
         intent = words or target.intent
-        assert isinstance(intent, PartIntent)
         if isinstance(intent, Relax):
             self._relax(target, intent)
             return
+        assert isinstance(intent, Placed)
         holds_s = target.holds_s if words is None else min(target.holds_s, WORDS_HOLD_S)
         due, until = born_tick + intent.in_s * self._rate, born_tick + holds_s * self._rate
         if until < due:
             raise ConfigError(f"{intent}: it holds {holds_s:g} s only, expected more than the {intent.in_s:g} s")
         solved = self._solved(intent, self._ahead(q))
         channels = solved.columns + len(POSTURE)
-        goal = PartGoal(target.id, channels, solved.angles, due, until)
+        bound = self._bound(intent.part, solved, q)
+        goal = PartGoal(target.id, channels, solved.angles, due, until, bound)
         kept = []
         for one in self._holding:
             if np.isin(one.goal.channels, channels).any():
@@ -195,8 +197,7 @@ class PartTargets:
         heard = Heard(
             id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part, moved=solved.moved
         )
-        self._revision += 1
-        self._holding = [*kept, _Holding(target, intent, goal, due, heard, self._revision)]
+        self._holding = [*kept, _Holding(target, intent, goal, due, heard, self._revisions.change())]
 
     def _relax(self, target: Target, intent: Relax) -> None:
         """Let parts go."""
@@ -207,11 +208,10 @@ class PartTargets:
         for one in gone:
             self._supersede(one)
         self._holding = [one for one in self._holding if one not in gone]
-        self._revision += 1
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
-        self._relaxed.append((self._revision, heard))
+        self._relaxed.append((self._revisions.change(), heard))
 
-    def _solved(self, intent: Hand | Point | Look | JointAngle, q: Float) -> Solved:
+    def _solved(self, intent: Placed, q: Float) -> Solved:
         solver = self._retargeter.solver
         match intent:
             case Hand(side, place, _, tolerance):
@@ -221,6 +221,40 @@ class PartTargets:
             case Look(direction, _, tolerance):
                 return solver.look(np.array(direction), tolerance)
         return solver.joint(intent.joint, intent.angle, intent.tolerance)
+
+    def _bound(self, part: str, solved: Solved, q: Float) -> Float | None:
+        """Bounds on the acceleration of a part's joints for which none needs more torque than its cap, (K,) [rad/s²].
+
+        None where none is capped. What a joint needs at rest at either end of its way is not there for its motion.
+
+        Raises:
+            ConfigError: staying there needs more than a cap.
+        """
+        caps, robot, upper = self._caps(), self._retargeter.robot, self._retargeter.body.upper.joints
+        joints = upper[solved.columns]
+        if not any(joint in caps for joint in map(int, joints)):
+            return None
+        there = self._ahead(q)
+        there[joints] = solved.angles
+        needs = np.abs([self._retargeter.holding_torque(angles[upper]) for angles in (q, there)])
+        bound = np.full(len(joints), np.inf)
+        for place, joint in enumerate(map(int, joints)):
+            most = caps.get(joint, np.inf)
+            if needs[1, joint] > most:
+                raise ConfigError(
+                    f"{part}: {robot.joint_names[joint]} needs {needs[1, joint]:.2f} N·m to stay there, its cap is "
+                    f"{most:g} N·m"
+                )
+            # The share of its torque that moves it, over its inertia; see `ServoCommand`.
+            room = max(most - float(needs[:, joint].max()), _LEAST_ROOM * most)
+            bound[place] = room * robot.model.dof_invweight0[robot.dof_address[joint]]
+        return bound
+
+    @property
+    def held(self) -> Float:
+        """Angles of arms and head with the parts that hold at their goals, else of the stand pose, (C,) [rad]."""
+        upper = self._retargeter.body.upper.joints
+        return self._ahead(self._retargeter.robot.stand_pose)[upper]
 
     def _ahead(self, q: Float) -> Float:
         """Joint angles (n,) with the parts that hold at their goals."""
@@ -233,7 +267,7 @@ class PartTargets:
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
-        known = max(self._made.get(int(row.plan), 0), self._made.get(int(row.pending), 0))
+        known = self._revisions.known(int(row.plan), int(row.pending))
         for place, one in enumerate(self._holding):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
                 self._holding[place] = replace(one, answered=True)

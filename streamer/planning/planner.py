@@ -13,6 +13,7 @@ from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals
 from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.restrictions import NO_RESTRICTIONS, Restrictions
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.view import begin_human, follow_drift
 from flexmotion.sampling.blend import take_over
@@ -59,6 +60,7 @@ class Planner:
         partial: bool = False,
         exact: bool = False,
         parts: PartGoals = NO_PARTS,
+        restrictions: Restrictions = NO_RESTRICTIONS,
         drift: float = np.nan,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
@@ -70,7 +72,7 @@ class Planner:
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
             exact: the feet turn to where the human looks by small steps too.
-            parts: see `Retargeter.plan`.
+            parts, restrictions: see `Retargeter.plan`.
             drift: how far the robot has turned beyond its plans, up to a constant [rad]; NaN: not known.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
@@ -104,7 +106,15 @@ class Planner:
         state = state.copy()
         follow_drift(retargeter.layout.view(state), drift)
         plan = retargeter.plan(
-            state, motion, first, join, horizon=horizon, exact=exact, parts=parts, checkpoint=checkpoint
+            state,
+            motion,
+            first,
+            join,
+            horizon=horizon,
+            exact=exact,
+            parts=parts,
+            restrictions=restrictions,
+            checkpoint=checkpoint,
         )
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,22 +21,32 @@ from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.part_intents import Relax
+from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
-from flexmotion.streamer.planning.ease_notes import EaseNote, EaseNotes
+from flexmotion.streamer.planning.ease_notes import EaseNotes
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.mirroring import Mirroring
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_turns import SourceTurns
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 Float = NDArray[np.float64]
+
+
+def _partly(heard: Heard, note: str) -> dict[str, Any]:
+    """What an answer says where steps are not made."""
+    state = heard.state if heard.state == "refused" else "partly"
+    return {"state": state, "dropped": (*heard.dropped, "steps"), "notes": (*heard.notes, note)}
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -75,7 +86,15 @@ class Replanner:
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
         self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
-        self.parts = PartTargets(planner.retargeter, self._publish, lambda message: self.on_note(message))
+        self.restrictions = RestrictionTargets(
+            planner.retargeter, self._publish, lambda message: self.on_note(message), self._stand_still
+        )
+        self.parts = PartTargets(
+            planner.retargeter,
+            self._publish,
+            lambda message: self.on_note(message),
+            lambda: self.restrictions.restrictions.caps,
+        )
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -83,7 +102,7 @@ class Replanner:
             rate_hz=planner.rate,
             change_s=settings.change_s,
             lockstep=lockstep,
-            on_part=self.parts.take,
+            on_part=self._take_part,
         )
         self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
@@ -91,10 +110,10 @@ class Replanner:
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
+        self._withheld = -1  # the last target of which steps were not made
         self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         self._ease_notes = EaseNotes(planner.retargeter.robot)
-        self._ease_note: tuple[int, EaseNote] | None = None  # of a target that is not followed yet
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner: StepRunner | None = None
         if isinstance(source, ModelSource):
@@ -133,10 +152,11 @@ class Replanner:
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
-        self._answer_eased()
         pose = self._made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
-        self.parts.update(row, tick - early, self.ledger.now_s(), stand if pose is None else pose)
+        now_s = self.ledger.now_s()
+        self.restrictions.update(row, tick - early, now_s, self.parts.held)
+        self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         if self._mirroring is not None:
             self._mirroring.update(tick)
         if not self._due(row, target):
@@ -148,7 +168,8 @@ class Replanner:
         if kind is Kind.STOP:
             target = NO_TARGET
         elif new:
-            if not self._turns.to_target(target, current, join, row, partial(self._stands_at, row, join)):
+            stands_at, stays = partial(self._stands_at, row, join), self.restrictions.stays
+            if not self._turns.to_target(target, current, join, row, stands_at, stays):
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._turns.to_step(self._runner, current, join)
@@ -171,6 +192,7 @@ class Replanner:
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
+                restrictions=self.restrictions.restrictions,
                 drift=self._drift.value,
                 checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
                 settle=None if self._lockstep else settle,
@@ -200,8 +222,10 @@ class Replanner:
             self._mirroring.planned()
         self._made.add(ticket, planned.plan, int(row.plan))
         self.parts.made(ticket.id, planned.plan, int(row.plan), tick)
+        self.restrictions.made(ticket.id, planned.plan, int(row.plan), tick)
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
+        self._tell_withheld(planned.plan, target.id)
         self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
@@ -213,20 +237,34 @@ class Replanner:
         if note is None:
             return
         self.on_note(note.message)
-        if target:
-            self._ease_note = target, note
-
-    def _answer_eased(self) -> None:
-        """Add to the answer to a target that it is eased, once it has been answered."""
-        answer = self.ledger.answer
-        if self._ease_note is None or answer is None or answer.id < self._ease_note[0]:
-            return
-        target, note = self._ease_note
-        self._ease_note = None
-        if answer.id == target:
-            self.ledger.answer = note.answer(answer)
-            self._publish(self.ledger.answer)
+        if target and self.ledger.amend(target, note.answer):
             self.ledger.halted |= note.slowed is None
+
+    def _tell_withheld(self, plan: Plan, target: int) -> None:
+        """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is."""
+        if not plan.withheld or self._withheld == target or self.restrictions.stays is None:
+            return
+        self._withheld = target
+        note = f"without steps: {self.restrictions.stays}"
+        self.on_note(note)
+        if target:
+            self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, note)))
+
+    def _take_part(self, target: Target, born_s: float) -> None:
+        """Take a target for arms and head, or one that restricts the robot; see `TargetLedger`."""
+        intent = part_of_words(target.intent) or target.intent
+        if isinstance(intent, Contact | TorqueCap) or (isinstance(intent, Relax) and intent.lifts):
+            self.restrictions.take(target, born_s)
+            return
+        if intent == Relax():
+            self.restrictions.let_all_go()
+        self.parts.take(target, born_s)
+
+    def _stand_still(self, reason: str) -> None:
+        """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""
+        if self._runner is not None and self._runner.travels:
+            self.ledger.halted = True
+            self.on_note(f"coming to a stand: {reason}")
 
     @property
     def has_target(self) -> bool:
@@ -253,6 +291,7 @@ class Replanner:
         reason = "the planner was started again, and the robot does not stand yet"
         self.ledger.refuse_all(reason)
         self.parts.refuse_all(reason)
+        self.restrictions.refuse_all(reason)
         if not row.plan:
             self._succeeds = not row.ready
             return not self._succeeds
@@ -272,7 +311,9 @@ class Replanner:
             return False  # the loop has not examined the last one
         must_stop = bool(row.must_stop)
         if not plan:
-            halted = self.ledger.halted and not (self._is_new(target, row) or self.parts.wants(0, int(row.tick) + 1))
+            tick = int(row.tick) + 1
+            beside = self.parts.wants(0, tick) or self.restrictions.wants(0, tick)
+            halted = self.ledger.halted and not (self._is_new(target, row) or beside)
             return bool(row.ready and not row.pending and not must_stop and not halted)
         last = int(row.pending) or plan
         if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
@@ -304,11 +345,11 @@ class Replanner:
         return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
 
     def _parts_due(self, row: TickRow, last: int) -> bool:
-        """Whether arms or head ask for a plan: one that knows all they are to do, or goes on with it in a stand."""
+        """Whether arms, head or restrictions ask for a plan: one that knows all of them, or goes on in a stand."""
         tick = int(row.tick) + 1
         if row.pending:
             return False
-        if self.parts.wants(last, tick):
+        if self.parts.wants(last, tick) or self.restrictions.wants(last, tick):
             return True
         plan = self._made.plan(last)
         moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
@@ -326,7 +367,9 @@ class Replanner:
         changes = new or self._changes
         if row.must_stop or (self.ledger.halted and not new) or (self._rests and not changes):
             return Kind.STOP
-        return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
+        # Where torques are capped a plan is judged before any of it is played.
+        short = row.plan and changes and not self.restrictions.restrictions.caps
+        return Kind.PARTIAL if short else Kind.WHOLE
 
     @property
     def _rests(self) -> bool:

@@ -11,6 +11,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.sources import LiveSource
@@ -33,7 +34,13 @@ class SourceTurns:
         self._undo: list[Undo] = []
 
     def to_target(
-        self, target: Target, current: Plan | None, join: int, row: TickRow, stands_at: Callable[[], Float]
+        self,
+        target: Target,
+        current: Plan | None,
+        join: int,
+        row: TickRow,
+        stands_at: Callable[[], Float],
+        stays: str | None = None,
     ) -> bool:
         """Let the source follow a new target; returns whether it can.
 
@@ -41,6 +48,7 @@ class SourceTurns:
             current: the plan that plays until the join.
             row: newest one of the loop.
             stands_at: see `StepRunner.update`.
+            stays: why the robot makes no step, for which what travels is refused; None: it may.
         """
         source = self.planner.source
         assert isinstance(source, LiveSource)
@@ -48,6 +56,10 @@ class SourceTurns:
         self._undo = [source.kept(), *([] if self.runner is None else [Undo(self.runner)])]
         try:
             remark = source.turn_to(target, *played)
+            if stays is not None and self._travels(played[0] + 1):
+                for undo in self._undo:
+                    undo()
+                raise ConfigError(f"{words_of(target.intent)!r} needs steps: {stays}")
         except ConfigError as error:
             self.ledger.refuse(target, str(error))
             self.on_note(str(error))
@@ -61,6 +73,11 @@ class SourceTurns:
                 self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
+
+    def _travels(self, frame: int) -> bool:
+        """Whether the program at a frame moves the robot from its place, or turns it."""
+        found = None if self.runner is None else self.runner.source.program_at(frame)
+        return found is not None and any(step.moves for step in found[1].steps)
 
     def give_up(self) -> None:
         """Take back the last turn to a target: its plan is given up for a newer one, and nothing of it is played."""

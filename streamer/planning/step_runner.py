@@ -84,6 +84,7 @@ class StepRunner:
         self.facing = 0.0
         self.resting = self.over = False
         self._program: Program | None = None
+        self._coming: Program | None = None  # of the last target, until its first frame is played
         self._index, self._phase = 0, _Phase.OVER
         self._ends: list[HeardStep] = []
         self._at: StepProgress | None = None
@@ -99,6 +100,16 @@ class StepRunner:
         """Whether the human stands and looks where the robot's feet are to point."""
         return self._navigator is not None and self._navigator.phase is Phase.FACE
 
+    @property
+    def travels(self) -> bool:
+        """Whether what the program does now, or has still to do, moves the robot from its place, or turns it."""
+        if self._coming is not None:
+            return any(step.moves for step in self._coming.steps)
+        program = self._program
+        if program is None or self._is_done(program):
+            return False
+        return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
+
     def changed(self) -> None:
         """The human changes to what is wanted."""
         self.wanted, self.facing, self.resting, self.over = None, 0.0, False, False
@@ -110,7 +121,7 @@ class StepRunner:
             What the human does first, where the program does not know it: a goal's first move. None: the program's
             first step, or the robot rests (`resting`).
         """
-        rested = self.resting
+        rested, self._coming = self.resting, program
         self.changed()
         self._place = stopping_place(row, stands_at)
         step = program.steps[0]
@@ -144,6 +155,8 @@ class StepRunner:
         if found is None:
             return
         program = found[1]
+        if self._coming is not None and program.number == self._coming.number:
+            self._coming = None
         self._place = stopping_place(row, stands_at)
         if self._program is None or program.number != self._program.number:
             self._abandon("superseded", row)

@@ -195,6 +195,24 @@ class TargetLedger:
         if self._open is not None and self._open.target.id == target.id:
             self._planned, self._open = replace(self._open, heard=heard), None
 
+    def amend(self, target: int, change: Callable[[Heard], Heard]) -> bool:
+        """Change the answer to a target, for what its plan has shown: before it is given, or by a later version.
+
+        Returns:
+            Whether it is planned or followed.
+        """
+        planned, answer = self._planned, self.answer
+        if planned is not None and planned.target.id == target:
+            words = words_of(planned.target.intent)
+            heard = Heard(asked=words, state="accepted", heard_as=words) if planned.heard is None else planned.heard
+            self._planned = replace(planned, heard=change(heard))
+            return True
+        if answer is None or answer.id != target:
+            return False
+        self.answer = change(answer)
+        self.publish(self.answer)
+        return True
+
     def replaces(self, target: Target) -> bool:
         """Whether a newer target than the one that the source has just turned to is open, and its plan may be given up.
 

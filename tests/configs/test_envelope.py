@@ -105,3 +105,12 @@ def test_corners_are_on_the_border() -> None:
         if one_speed and one_torque:
             limit = ENVELOPE.limit(np.full(N, one_torque), np.full(N, one_speed))
             assert abs(one_torque) == pytest.approx(limit[0])
+
+
+@given(cap=st.floats(0.01, 10.0), torque=st.floats(-5.0, 5.0), speed=speeds)
+def test_a_cap_lowers_the_envelope_and_raises_nothing(cap: float, torque: float, speed: float) -> None:
+    capped = ENVELOPE.capped(np.full(N, cap))
+    torques, rates = np.full(N, torque), np.full(N, speed)
+    assert (capped.limit(torques, rates) <= np.minimum(ENVELOPE.limit(torques, rates), cap)).all()
+    assert (capped.load(torques, rates) >= ENVELOPE.load(torques, rates)).all()
+    assert (capped.load(torques, rates) >= abs(torque) / cap).all()

@@ -196,3 +196,24 @@ def test_a_slow_move_goes_on_however_long_the_robot_is_silent() -> None:
         state.position[knee], state.stale[:] = q[knee], tick
         command.update(q, zero, zero, state, slow=True)
     assert command.goal[knee] == pytest.approx(q[knee])
+
+
+@given(
+    q=each(-4, 4), torque=each(-10, 10), share=each(0, 1), velocity=each(-6, 6), before=each(-6, 6), cap=each(0.01, 9.0)
+)
+def test_a_goal_implies_no_more_than_the_cap_of_its_joint_and_never_more_than_without_one(
+    q: np.ndarray, torque: np.ndarray, share: np.ndarray, velocity: np.ndarray, before: np.ndarray, cap: np.ndarray
+) -> None:
+    """At the position and speed as measured, also of a joint that has just been stopped or pushed."""
+    position = ROBOT.lower + share * (ROBOT.upper - ROBOT.lower)
+    free, capped = ServoCommand(ROBOT, DELAY), ServoCommand(ROBOT, DELAY)
+    capped.cap[:] = cap
+    for command in (free, capped):
+        for speed in (before, velocity):
+            command.update(q, np.zeros(N), torque, measured(position, speed))
+    drag = ROBOT.back_emf * velocity
+    implied = np.abs(ROBOT.kp * (capped.goal - position) - drag)
+    inside = (capped.goal > ROBOT.lower) & (capped.goal < ROBOT.upper)
+    assert (implied[inside] <= cap[inside] + 1e-9).all()
+    most = np.maximum(BRAKING_SHARE * ROBOT.stall_torque, ROBOT.usable_torque)
+    assert (implied[inside] <= most[inside] + 1e-9).all()

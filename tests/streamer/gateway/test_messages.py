@@ -23,6 +23,7 @@ from flexmotion.streamer.gateway.messages import (
 from flexmotion.streamer.gateway.schema import schema_text
 from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
 
@@ -59,7 +60,9 @@ OWN: dict[str, dict[str, Any]] = {
     "point": {"side": SIDE, "direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "look": {"direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "joint": {"joint": st.just("l_el"), "angle_rad": st.floats(-6.0, 6.0), **TIMED},
-    "relax": {"part": st.sampled_from(["all", "left hand", "right hand", "head", "joint l_el"])},
+    "relax": {"part": st.sampled_from(["all", "left hand", "head", "joint l_el", "both feet", "torque left knee"])},
+    "contact": {"foot": st.sampled_from(["left", "right", "both"])},
+    "torque": {"joint": st.sampled_from(["knee", "left knee", "l_el"]), "limit_nm": st.floats(0.01, 1000.0)},
     "kill": {"confirm": st.just("the robot will fall")},
 }
 
@@ -173,6 +176,8 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"look","direction":[1,1,0]}') == Look((1.0, 1.0, 0.0))
     assert intent('{"type":"joint","joint":"l_el","angle_rad":0.5}') == JointAngle("l_el", 0.5)
     assert intent('{"type":"relax"}') == Relax("all")
+    assert intent('{"type":"contact","foot":"left"}') == Contact("left")
+    assert intent('{"type":"torque","joint":"left knee","limit_nm":1}') == TorqueCap("left knee", 1.0)
     assert intent('{"type":"arm"}') is None
 
 

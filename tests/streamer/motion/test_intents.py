@@ -26,6 +26,7 @@ from flexmotion.streamer.motion.intents import (
     word_of,
 )
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.motion.targets import TargetMailbox
 
 _WORDS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1).filter(str.strip)
@@ -47,6 +48,8 @@ _INTENTS = st.one_of(
     st.builds(Look, _DIRECTIONS, st.floats(0.0, 10.0)),
     st.builds(JointAngle, st.sampled_from(["l_el", "head_pan"]), st.floats(-6.0, 6.0), st.floats(0.0, 10.0)),
     st.builds(Relax, st.sampled_from(["all", "head", "left hand"])),
+    st.builds(Contact, st.sampled_from(["left", "right", "both"])),
+    st.builds(TorqueCap, st.sampled_from(["knee", "left knee", "l_el"]), st.floats(0.01, 1000.0)),
 )
 
 

@@ -1,0 +1,91 @@
+"""`restriction_phrase`: sentences that only restrict the robot, and those that let go again.
+
+"Keep your left foot down", "no more than 1 newton metre at the knee", "you may lift your feet again". A sentence that
+says anything else beside, "keep your feet on the ground and wave", is left to the grammar.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from flexmotion.text.numbers import number_at
+
+Foot = Literal["left", "right", "both"]
+
+_POLITE = re.compile(r"\b(?:please|now|robot|hey|can you|could you)\b")
+_UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
+_WORD = re.compile(r"\d*\.?\d+|[a-z]+")
+
+_OWN = r"(?:your|the|its|his|her)"
+_BOTH = rf"both\s(?:of\s)?(?:{_OWN}\s)?(?:feet|legs)|{_OWN}\s(?:both\s)?(?:feet|legs)"
+_FOOT = rf"(?:{_OWN}\s(?P<side>left|right)\s(?:foot|leg)|{_BOTH})"
+_DOWN = r"(?:down|planted|(?:(?:down|flat|planted)\s)?on\s(?:the\s)?(?:ground|floor))"
+_OFF = r"(?:\s(?:up|off\s(?:the\s)?(?:ground|floor)))?"
+_KEEP = re.compile(rf"(?:keep|leave|hold)\s{_FOOT}\s{_DOWN}")
+_NEVER = re.compile(rf"(?:do\snot|don\st|dont|never)\s(?:lift|raise)\s{_FOOT}{_OFF}")
+_FREE = re.compile(rf"you\s(?:may|can)\s(?:lift|raise|move)\s{_FOOT}{_OFF}(?:\sagain)?")
+
+_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "neck")
+_PLURALS = {"hips": "hip", "knees": "knee", "ankles": "ankle", "shoulders": "shoulder", "elbows": "elbow"}
+_PLURALS |= {"wrists": "wrist"}
+_JOINT = rf"(?:{_OWN}\s)?(?:both\s)?(?:{_OWN}\s)?(?P<joint>(?:(?:left|right)\s)?(?:{'|'.join([*_PLURALS, *_JOINTS])}))"
+_NUMBER = r"(?P<number>[\w. ]+?)\snm"
+_MOST = r"(?:use\s|put\s|apply\s)?(?:no\smore\sthan|at\smost|a\smaximum\sof|not\smore\sthan)"
+_AT_MOST = re.compile(rf"{_MOST}\s{_NUMBER}\s(?:of\storque\s)?(?:at|in|on|for|with|from)\s{_JOINT}")
+_TO_LIMIT = r"(?:limit|cap|restrict)\s(?:the\storque\s(?:of|at|in|on)\s)?"
+_LIMIT = re.compile(rf"{_TO_LIMIT}{_JOINT}(?:\storque)?\s(?:to|at)\s{_NUMBER}")
+_NO_LIMIT = re.compile(
+    rf"(?:remove|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
+)
+
+
+@dataclass(frozen=True)
+class RestrictionPhrase:
+    """What a sentence restricts, or lets go.
+
+    Attributes:
+        foot: that stays down, or is let go; None: the sentence is about a torque.
+        joint: whose torque is capped, or let go: `knee`, `left knee`; None: the sentence is about feet.
+        limit: of the torque [N·m]; None: of a foot, or let go.
+        lets_go: whether the restriction is to end.
+    """
+
+    foot: Foot | None = None
+    joint: str | None = None
+    limit: float | None = None
+    lets_go: bool = False
+
+
+def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
+    """What a whole sentence restricts or lets go; None where it asks for anything else."""
+    words = " ".join(_POLITE.sub(" ", " ".join(_WORD.findall(_UNIT.sub(" nm ", sentence.lower())))).split())
+    for pattern, lets_go in ((_KEEP, False), (_NEVER, False), (_FREE, True)):
+        if (found := pattern.fullmatch(words)) is not None:
+            return RestrictionPhrase(foot=_foot(found["side"]), lets_go=lets_go)
+    if (found := _NO_LIMIT.fullmatch(words)) is not None:
+        return RestrictionPhrase(joint=_joint(found["joint"]), lets_go=True)
+    found = _AT_MOST.fullmatch(words) or _LIMIT.fullmatch(words)
+    limit = None if found is None else _number(found["number"].split())
+    if found is None or limit is None:
+        return None
+    return RestrictionPhrase(joint=_joint(found["joint"]), limit=limit)
+
+
+def _foot(side: str | None) -> Foot:
+    return "left" if side == "left" else "right" if side == "right" else "both"
+
+
+def _joint(words: str) -> str:
+    """The name of the body's joint, in the singular."""
+    side, _, part = words.rpartition(" ")
+    return f"{side} {_PLURALS.get(part, part)}".strip()
+
+
+def _number(words: list[str]) -> float | None:
+    """The number that the words say, all of them; None where they say another thing."""
+    found = number_at(words, 0)
+    if found is None or found.rough or any(word not in ("of", "a") for word in words[found.used :]):
+        return None
+    return found.value

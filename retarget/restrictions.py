@@ -1,0 +1,33 @@
+"""`Restrictions`: what a plan may not do, whatever the human does: lift a foot, or ask too much torque of a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Restrictions:
+    """What holds.
+
+    Attributes:
+        planted: feet that stay on the ground where they are, 0 left, 1 right. While there is one no human's step is
+            made: a walk needs both.
+        caps: greatest torque by column of the joint [N·m], above 0.
+    """
+
+    planted: frozenset[int] = frozenset()
+    caps: Mapping[int, float] = field(default_factory=dict)
+
+    def cap(self, joints: int) -> NDArray[np.float64]:
+        """Greatest torque of each joint of a robot, (n,) [N·m]; infinite where there is none."""
+        found = np.full(joints, np.inf)
+        for joint, most in self.caps.items():
+            found[joint] = most
+        return found
+
+
+NO_RESTRICTIONS = Restrictions()

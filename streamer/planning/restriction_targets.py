@@ -1,0 +1,267 @@
+"""`RestrictionTargets`: the targets that restrict what the robot does, feet that stay down and torque caps.
+
+They replace no target and move nothing. Each is checked when it arrives; every plan is given all that hold
+(`restrictions`). They hold until they are let go, or their time is over, through a STOP too; without torque they end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.retarget.joint_names import joints_named
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.restrictions import Restrictions
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.intents import words_of
+from flexmotion.streamer.motion.part_intents import Relax
+from flexmotion.streamer.motion.part_words import part_of_words
+from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS, Contact, Restriction, TorqueCap
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.revisions import Revisions
+from flexmotion.streamer.planning.target_ledger import ended_by
+
+Float = NDArray[np.float64]
+
+_LATE_S = 0.05
+"""A foot that is down later than asked by more than this is called slowed [s]."""
+_WITHOUT_TORQUE = (State.OFF, State.PARK, State.DAMPED, State.FAULT)
+"""States in which restrictions end: the robot does not stand, or will stand elsewhere."""
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A restriction that holds.
+
+    Attributes:
+        binds: the feet (0 left, 1 right) or the columns of joints that it holds for; newer ones take them over.
+        until: tick at which it is over.
+        born: tick at which it was sent.
+    """
+
+    target: Target
+    intent: Restriction
+    binds: frozenset[int]
+    born: float
+    until: float
+    heard: Heard
+    revision: int
+    answered: bool = False
+
+
+class RestrictionTargets:
+    """The planner's record of restrictions.
+
+    Args:
+        retargeter: knows what standing needs.
+        publish: is given the answer to every target, once; on_note: a message for the operator.
+        on_planted: called when a foot begins to stay where it is, with the reason for whoever walks.
+    """
+
+    def __init__(
+        self,
+        retargeter: Retargeter,
+        publish: Callable[[Heard], None],
+        on_note: Callable[[str], None],
+        on_planted: Callable[[str], None],
+    ) -> None:
+        self._retargeter, self._publish, self._on_note, self._on_planted = retargeter, publish, on_note, on_planted
+        self._rate = retargeter.rate
+        self._waiting: list[tuple[Target, float]] = []
+        self._held: list[_Held] = []
+        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
+        self._revisions, self._all_go = Revisions(self._rate), False
+
+    def take(self, target: Target, born_s: float) -> None:
+        """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
+        self._waiting.append((target, born_s))
+
+    def let_all_go(self) -> None:
+        """All that restricts the robot is to end, on a request that is answered elsewhere."""
+        self._all_go = True
+
+    def update(self, row: TickRow, tick: float, now_s: float, upper: Float) -> None:
+        """Take what has arrived, and answer what is known.
+
+        Args:
+            row: newest one of the loop.
+            tick: of the loop, at the time `now_s` of the planner's clock.
+            upper: angles at which arms and head are held, by `UpperBody.joints`, (C,) [rad].
+        """
+        ended = ended_by(row)
+        waiting, self._waiting = self._waiting, []
+        all_go, self._all_go = self._all_go, False
+        if ended is not None:
+            for target, _ in waiting:
+                self._tell(target, "refused", ended)
+            without_torque = State(int(row.state)) in _WITHOUT_TORQUE
+            # A stop is made by a plan that knows no more than what was answered.
+            self._end(ended, [] if without_torque else [one for one in self._held if one.answered])
+            return
+        self._answer(row)
+        if all_go:
+            self._keep([])
+        if any(one.until <= tick for one in self._held):
+            self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
+            self._keep([one for one in self._held if one.until > tick])
+        for target, born_s in waiting:
+            if now_s - born_s > target.take_up_s:
+                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+                continue
+            try:
+                self._begin(target, tick + (born_s - now_s) * self._rate, upper)
+            except ConfigError as error:
+                self._tell(target, "refused", str(error))
+
+    def refuse_all(self, reason: str) -> None:
+        """No target can be followed; what holds is over."""
+        for target, _ in self._waiting:
+            self._tell(target, "refused", reason)
+        self._waiting = []
+        self._end(reason)
+
+    @property
+    def restrictions(self) -> Restrictions:
+        """What holds, for the retargeter."""
+        caps = {
+            joint: one.intent.limit for one in self._held if isinstance(one.intent, TorqueCap) for joint in one.binds
+        }
+        return Restrictions(frozenset(self._planted), caps)
+
+    @property
+    def stays(self) -> str | None:
+        """Why the robot makes no step; None: it may."""
+        feet = self._planted
+        if not feet:
+            return None
+        part = FOOT_PARTS["both"] if len(feet) == 2 else FOOT_PARTS[FEET[min(feet)]]
+        return f"{part} kept down: let {'them' if len(feet) == 2 else 'it'} go first (relax {part!r})"
+
+    def wants(self, plan: int, tick: int) -> bool:
+        """Whether a plan is due because the one with this id does not know all restrictions; 0: none plays."""
+        if not plan and not (self._held or self._let_go):
+            return False
+        return self._revisions.wants(plan, tick)
+
+    def made(self, plan: int, rows: Plan, playing: int, tick: int) -> None:
+        """A plan was made with all that hold; arguments as of `PartTargets.made`."""
+        self._revisions.made(plan, playing, tick)
+        settled = self._retargeter.layout.view(rows.states[0].copy()).steps.steps()
+        for place, one in enumerate(self._held):
+            if one.heard.tick is not None:
+                continue
+            lands = [step.land for step in settled if isinstance(one.intent, Contact) and step.side in one.binds]
+            down = max([rows.start_tick, *lands])
+            late_s = (down - one.born) / self._rate
+            known: dict[str, object] = {"tick": down}
+            if lands and late_s > _LATE_S:
+                known |= {"state": "slowed", "slowed": f"{late_s:.2f} s until it is down"}
+            self._held[place] = replace(one, heard=one.heard.model_copy(update=known))
+
+    # ------------------------------------------------------------------ targets
+
+    @property
+    def _planted(self) -> set[int]:
+        return {foot for one in self._held if isinstance(one.intent, Contact) for foot in one.binds}
+
+    def _begin(self, target: Target, born: float, upper: Float) -> None:
+        """Let a target hold. Raises `ConfigError` where it cannot; names what is valid."""
+        intent = part_of_words(target.intent) or target.intent
+        if isinstance(intent, Relax):
+            self._relax(target, intent)
+            return
+        assert isinstance(intent, Contact | TorqueCap)
+        before = self._planted
+        binds = intent.sides if isinstance(intent, Contact) else self._capped(intent, upper)
+        kept = []
+        for one in self._held:
+            same = isinstance(one.intent, type(intent))
+            kept.append(replace(one, binds=one.binds - binds) if same else one)
+        self._keep([one for one in kept if one.binds])
+        heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part)
+        until = born + target.holds_s * self._rate
+        self._held.append(_Held(target, intent, frozenset(binds), born, until, heard, self._revisions.change()))
+        if self._planted - before and self.stays is not None:
+            self._on_planted(self.stays)
+
+    def _capped(self, intent: TorqueCap, upper: Float) -> frozenset[int]:
+        """The columns of the joints that are capped. Raises `ConfigError` where standing needs more."""
+        joints = joints_named(self._retargeter.robot, intent.joint)
+        rest = self._retargeter.robot.stand_pose[self._retargeter.body.upper.joints]
+        needs = np.maximum(*(np.abs(self._retargeter.holding_torque(angles)) for angles in (rest, upper)))
+        name, joint = max(joints.items(), key=lambda named: float(needs[named[1]]))
+        if needs[joint] > intent.limit:
+            raise ConfigError(
+                f"torque: {name} needs {needs[joint]:.2f} N·m where the robot stands; expected a limit above that, "
+                f"found {intent.limit:g}"
+            )
+        return frozenset(joints.values())
+
+    def _relax(self, target: Target, intent: Relax) -> None:
+        """Let a restriction go: a foot, or the torque of the joints of a name."""
+        feet = {part: foot for foot, part in FOOT_PARTS.items()}
+        if intent.part in feet:
+            kind: type[Restriction] = Contact
+            free = Contact(feet[intent.part]).sides
+        else:
+            kind = TorqueCap
+            free = frozenset(joints_named(self._retargeter.robot, intent.part.partition(" ")[2]).values())
+        kept = [replace(one, binds=one.binds - free) if isinstance(one.intent, kind) else one for one in self._held]
+        if all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
+            held = ", ".join(one.intent.part for one in self._held) or "none"
+            raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
+        self._keep([one for one in kept if one.binds])
+        heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
+        self._let_go.append((self._revisions.newest, heard))
+
+    def _keep(self, kept: list[_Held]) -> None:
+        """Go on with these; the others are over."""
+        ids = {one.target.id for one in kept}
+        for one in self._held:
+            if one.target.id not in ids and not one.answered:
+                reason = "a newer target came before a plan followed it"
+                self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
+        if kept != self._held:
+            self._held = kept
+            self._revisions.change()
+
+    # ------------------------------------------------------------------ answers
+
+    def _answer(self, row: TickRow) -> None:
+        """Answer what the loop has taken a plan for."""
+        known = self._revisions.known(int(row.plan), int(row.pending))
+        for place, one in enumerate(self._held):
+            if not one.answered and one.heard.tick is not None and known >= one.revision:
+                self._held[place] = replace(one, answered=True)
+                self._publish(one.heard.model_copy(update={"at_s": one.heard.tick / self._rate}))
+        for _, heard in [one for one in self._let_go if one[0] <= known]:
+            self._publish(heard)
+        self._let_go = [one for one in self._let_go if one[0] > known]
+
+    def _end(self, reason: str, kept: Sequence[_Held] = ()) -> None:
+        """What holds is over, but for some, and what waits for an answer gets it."""
+        over = [one for one in self._held if one not in kept]
+        for one in over:
+            if not one.answered:
+                refused = {"state": "refused", "reason": reason, "tick": None}
+                self._publish(one.heard.model_copy(update=refused))
+        for _, heard in self._let_go:
+            self._publish(heard)
+        if over:
+            self._on_note(f"over: {', '.join(str(one.intent) for one in over)}")
+            self._revisions.change()
+        self._held, self._let_go = list(kept), []
+
+    def _tell(self, target: Target, state: str, reason: str) -> None:
+        heard = Heard.model_validate(
+            {"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason}
+        )
+        self._publish(heard)
+        self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))

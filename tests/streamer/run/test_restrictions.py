@@ -1,0 +1,177 @@
+"""Feet that stay down and torque caps in a whole run in lockstep: what the robot does, and what is answered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.heard import heard_since
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.part_intents import Hand, Relax
+from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.run.requests import Request
+
+from .test_live_targets import Live
+from .test_part_targets import asked, go_on, live
+
+__all__ = ["live"]
+
+WALK = Velocity(0.3, 0.0, 0.0)
+LEFT, RIGHT = 0, 1
+FOREVER = np.inf
+
+
+def lifts(live: Live, foot: int, since: int) -> bool:
+    """Whether the simulated robot's plans have lifted a foot since a tick."""
+    return bool((~live.session.record.ticks.contact_ref[since:, foot]).any())
+
+
+def implied(live: Live, joint: str, since: int) -> float:
+    """Greatest torque that the goals of a joint have asked of its servo since a tick [N·m]."""
+    robot, ticks = live.session.robot, live.session.record.ticks
+    j = robot.index(joint)
+    torque = robot.kp[j] * (ticks.q_cmd[since:, j] - ticks.q[since:, j]) - robot.back_emf[j] * ticks.qd[since:, j]
+    return float(np.abs(torque).max())
+
+
+def test_a_robot_that_walks_puts_the_foot_down_and_stands_until_it_may_lift_it_again(live: Live) -> None:
+    asked(live, WALK, FOREVER)
+    go_on(live, 2.0)
+    answer = asked(live, Contact("left"), FOREVER)
+    assert answer.state in ("accepted", "slowed") and answer.heard_as == "left foot" and answer.tick is not None
+    live.until(lambda: live.session.state.tick > answer.tick, "the foot is down")
+    live.until_state(State.HOLD)
+    assert not lifts(live, LEFT, answer.tick)
+    place = live.session.record.ticks.true_base[-1, :2].copy()
+    refused = asked(live, WALK, FOREVER)
+    assert refused.state == "refused" and "needs steps: left foot kept down: let it go first" in str(refused.reason)
+    go_on(live, 1.0)
+    assert np.linalg.norm(live.session.record.ticks.true_base[-1, :2] - place) < 0.005
+    assert asked(live, Relax("left foot")).state == "accepted"
+    assert asked(live, WALK, FOREVER).state in ("accepted", "slowed")
+    go_on(live, 2.0)
+    assert live.session.record.ticks.true_base[-1, 0] - place[0] > 0.05
+    assert np.abs(live.session.record.ticks.tilt).max() < 0.5
+
+
+def test_feet_that_both_stay_down_stay_in_their_stride_and_one_that_may_move_comes_beside_the_other(live: Live) -> None:
+    asked(live, WALK, FOREVER)
+    go_on(live, 2.2)
+    answer = asked(live, Contact("both"), FOREVER)
+    live.until_state(State.HOLD)
+    go_on(live, 1.0)
+    ticks = live.session.record.ticks
+    feet = ticks.foot_ref[-1]
+    assert not lifts(live, LEFT, answer.tick) and not lifts(live, RIGHT, answer.tick)
+    assert abs(feet[LEFT, 0] - feet[RIGHT, 0]) > 0.02  # as they landed
+    # The right foot may step again; the left one, which a stop moves else, stays where it is.
+    assert asked(live, Relax("right foot")).state == "accepted"
+    go_on(live, 2.0)
+    after = live.session.record.ticks.foot_ref[-1]
+    assert np.allclose(after[LEFT], feet[LEFT], atol=1e-6) and abs(after[LEFT, 0] - after[RIGHT, 0]) < 0.02
+    assert not lifts(live, LEFT, answer.tick)
+
+
+def test_gestures_go_on_and_a_motion_that_steps_is_made_on_the_spot(live: Live) -> None:
+    assert asked(live, Contact("both"), FOREVER).state == "accepted"
+    begin = live.session.state.tick
+    assert asked(live, Text("wave with the right hand"), FOREVER).state == "accepted"
+    assert asked(live, Hand("left", (0.12, 0.12, 0.05), in_s=1.0)).state == "accepted"
+    # To the listener of the stub it is no walk: its steps are found in the motion alone.
+    on_the_spot = asked(live, Text("walk forward"), FOREVER)
+    assert (on_the_spot.state, on_the_spot.dropped) == ("partly", ("steps",))
+    assert on_the_spot.notes == ("without steps: both feet kept down: let them go first (relax 'both feet')",)
+    go_on(live, 3.0)
+    assert live.session.state.ladder is State.STREAMING
+    assert not lifts(live, LEFT, begin) and not lifts(live, RIGHT, begin)
+    # What the human has gone meanwhile is not made up for.
+    assert asked(live, Relax("both feet")).state == "accepted"
+    place = live.session.record.ticks.true_base[-1, 0]
+    go_on(live, 1.5)
+    assert live.session.record.ticks.true_base[-1, 0] - place < 0.2
+
+
+def test_a_foot_is_let_go_when_its_time_is_over_and_by_words(live: Live) -> None:
+    assert asked(live, Contact("both"), 1.0).state == "accepted"
+    assert asked(live, WALK).state == "refused"
+    go_on(live, 1.2)
+    assert asked(live, WALK).state in ("accepted", "slowed")
+    kept = asked(live, Text("keep your left foot down"), FOREVER)
+    assert (kept.heard_as, kept.asked) == ("left foot", "keep your left foot down")
+    assert asked(live, WALK).state == "refused"
+    assert asked(live, Text("you may lift your feet again"), FOREVER).heard_as == "relax"
+    assert asked(live, WALK).state in ("accepted", "slowed")
+    assert "asked for nothing; expected all, or one of: none" in str(asked(live, Relax("left foot")).reason)
+
+
+def test_goals_of_an_arm_ask_for_no_more_than_its_cap_and_its_path_is_laid_out_for_it(live: Live) -> None:
+    there = Hand("left", (0.12, 0.12, 0.05), in_s=0.3)
+    begin = live.session.state.tick
+    free = asked(live, there, 2.0)
+    go_on(live, 4.0)
+    assert implied(live, "l_el", begin) > 0.6
+    for part in ("left elbow", "left shoulder"):
+        assert asked(live, TorqueCap(part, 0.4), FOREVER).state == "accepted"
+    begin = live.session.state.tick
+    capped = asked(live, there, 3.0)
+    assert capped.state == "slowed" and "s until it is there" in str(capped.slowed) and capped.slowed != free.slowed
+    go_on(live, 5.0)
+    for joint in ("l_el", "l_sho_pitch", "l_sho_roll"):
+        assert implied(live, joint, begin) <= 0.4 + 1e-6
+    robot, ticks = live.session.robot, live.session.record.ticks
+    assert np.abs(ticks.torque_ref[begin:, robot.index("l_el")]).max() <= 0.45
+
+
+def test_a_hand_that_needs_more_than_a_cap_to_stay_there_is_refused(live: Live) -> None:
+    assert asked(live, TorqueCap("right shoulder", 0.05), FOREVER).state == "accepted"
+    refused = asked(live, Hand("right", (0.0, -0.3, 0.1), in_s=1.0, tolerance=0.2))
+    assert refused.state == "refused" and "N·m to stay there, its cap is 0.05 N·m" in str(refused.reason)
+    assert asked(live, Relax("torque right shoulder")).state == "accepted"
+    assert asked(live, Hand("right", (0.0, -0.3, 0.1), in_s=1.0, tolerance=0.2)).state == "moved"
+    held = asked(live, TorqueCap("right shoulder", 0.05), FOREVER)
+    assert held.state == "refused" and "where the robot stands" in str(held.reason)
+
+
+def test_a_cap_below_what_standing_needs_is_refused_and_a_walk_beyond_one_is_not_begun(live: Live) -> None:
+    refused = asked(live, TorqueCap("knee", 0.4), FOREVER)
+    assert refused.state == "refused" and "l_knee needs 0.57 N·m where the robot stands" in str(refused.reason)
+    assert "'nose' is not known; expected hip, knee, ankle," in str(asked(live, TorqueCap("nose", 1.0)).reason)
+    assert asked(live, Text("no more than 1 newton metre at the knee"), FOREVER).heard_as == "torque knee"
+    begin = live.session.state.tick
+    answers = live.session.heard_channel.reader()
+    walk = live.session.send(WALK)
+    live.session.advance(4.0)
+    # It was slowed until its first step, and refused where that came into sight: the later version counts.
+    refused = [heard for heard in heard_since(answers) if heard.id == walk.id][-1]
+    assert refused.state == "refused" and "knee needs" in str(refused.reason)
+    assert "its cap is 1 N·m" in str(refused.reason)
+    assert live.session.state.ladder is State.HOLD
+    assert not lifts(live, LEFT, begin) and not lifts(live, RIGHT, begin)
+    robot, ticks = live.session.robot, live.session.record.ticks
+    assert np.abs(ticks.torque_ref[begin:, robot.index("l_knee")]).max() <= 1.0
+
+
+def test_restrictions_hold_through_a_stop_and_end_without_torque_or_with_all(live: Live) -> None:
+    asked(live, Contact("left"), FOREVER)
+    live.session.ask(Request.STOP)
+    assert "release the stop first" in str(asked(live, Contact("right"), FOREVER).reason)
+    live.session.ask(Request.CLEAR)
+    go_on(live, 0.5)
+    assert asked(live, WALK).state == "refused"
+    assert asked(live, Relax()).state == "accepted"
+    assert asked(live, WALK).state in ("accepted", "slowed")
+
+
+def test_the_newest_cap_of_a_joint_counts(live: Live) -> None:
+    first = live.session.send(TorqueCap("elbow", 0.5))
+    second = live.session.send(TorqueCap("elbow", 0.4))
+    assert live.until_answered(first.id).state == "superseded"
+    assert live.until_answered(second.id).state == "accepted"
+    asked(live, TorqueCap("l_el", 2.0), FOREVER)
+    begin = live.session.state.tick
+    asked(live, Hand("left", (0.12, 0.12, 0.05), in_s=0.3))
+    asked(live, Hand("right", (0.12, -0.12, 0.05), in_s=0.3))
+    go_on(live, 2.0)
+    assert implied(live, "l_el", begin) > 0.5
+    assert implied(live, "r_el", begin) == pytest.approx(0.4, abs=0.1)
