@@ -143,9 +143,9 @@ class AsyncClient(Messages):
         """Restart the servos of joints, such as those in shutdown, while all torque is off; waits for them."""
         return await self.ask({"type": "reboot", "joints": joints})
 
-    async def clear(self) -> Answer:
+    async def clear(self, *, get_up: bool = False) -> Answer:
         """Release a STOP, or a fault; see `Client.clear`."""
-        return await self.ask({"type": "clear"})
+        return await self.ask(clear_content(get_up))
 
     async def take(self) -> Answer:
         """Take the operator's lease over."""
@@ -181,7 +181,7 @@ class AsyncClient(Messages):
         self._waiting[identity] = answered
         try:
             await self._socket.send(text)
-            return await asyncio.wait_for(answered, PATIENCE_S)
+            return await asyncio.wait_for(answered, patience_of(message))
         except (OSError, WebSocketException) as error:  # TimeoutError is an OSError
             raise self.failed(error) from error
         finally:
