@@ -13,13 +13,14 @@ from websockets.exceptions import WebSocketException
 
 from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
-    PATIENCE_S,
     Messages,
     StopAnswer,
     answer_in,
+    clear_content,
     heading_content,
     kill_content,
     part_content,
+    patience_of,
     text_content,
     velocity_content,
     waypoint_content,
