@@ -256,9 +256,7 @@ class Robot:
         values = np.zeros(self.n)
         for joint, value in pose.items():
             if joint not in self.joint_names:
-                raise ConfigError(
-                    f"{origin}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}"
-                )
+                raise ConfigError(f"{origin}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
             values[self.joint_names.index(joint)] = value
         outside = np.flatnonzero((values < self.lower) | (values > self.upper))
         if len(outside):

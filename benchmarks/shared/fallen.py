@@ -24,7 +24,7 @@ from flexmotion.streamer.control.telemetry import Telemetry
 
 ARMS_RAD, LEGS_RAD = 0.8, 0.25
 """Greatest angle by which a joint of arms and head, or of a leg, differs from the stand pose when the robot falls."""
-PUSHED_AT_S, FALLS_WITHIN_S, LIES_S = 4.0, 4.0, 1.5
+PUSHED_AT_S, FALLS_WITHIN_S, LIES_S = 4.0, 4.0, 3.0
 """When it is pushed, how long it may take to fall, and how long it lies before it is asked to get up [s]."""
 MASS_KG = (3.15, 3.5)
 """Least and greatest mass of the robot: without and with battery and cables [kg]."""
