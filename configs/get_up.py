@@ -1,4 +1,4 @@
-"""How a robot gets up: key poses for a robot that lies on its front or its back, in `get_up.yaml` beside the robot file.
+"""How a robot gets up from its front or its back: key poses, in `get_up.yaml` beside the robot file.
 
 A step moves all joints from the pose before to its own with a minimum-jerk profile, holds it, and is over once the
 torso's pitch is inside its bounds. The pitch is that about the torso's own y axis: 0 upright, positive leaned forward,

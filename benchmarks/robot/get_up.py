@@ -83,7 +83,7 @@ def main(
 ) -> Outcome:
     """Let robots fall and get up, or tune how they do."""
     chosen = load_robot(robot)
-    names = [side for side in SIDES if side in chosen.get_up and (sides is None or side in sides)]
+    names: list[str] = [side for side in SIDES if side in chosen.get_up and (sides is None or side in sides)]
     if not names:
         raise ConfigError(f"{robot}: no steps for {', '.join(sides or SIDES)}; it has: {', '.join(chosen.get_up)}")
     if tune_to is not None:

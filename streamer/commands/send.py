@@ -272,8 +272,8 @@ def clear(
 ) -> None:
     """Release a STOP once the robot stands; it stands on until a new target arrives.
 
-    After an emergency stop or another fault the robot is then in OFF: `flexmotion arm` stands it up. One that has fallen
-    is put up by hand before, or gets up by --get-up: see that nobody is within its reach.
+    After an emergency stop or another fault the robot is then in OFF: `flexmotion arm` stands it up. One that has
+    fallen is put up by hand before, or gets up by --get-up: see that nobody is within its reach.
 
     [bold]Examples[/bold]
 

@@ -1,7 +1,8 @@
 """`GetUpMove`: the robot gets up by the key poses of its file, step by step; a step that fails ends it.
 
 The poses are references like those of every other move: the servo command clamps what they imply. Which parts of the
-robot the ground carries is not known while it gets up, so the reference has no torque: the servos' stiffness carries it.
+robot the ground carries is not known while it gets up, so the reference has no torque: the servos' stiffness carries
+it.
 """
 
 from __future__ import annotations

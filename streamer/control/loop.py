@@ -257,7 +257,7 @@ class ControlLoop:
             self._emit("warning", f"{bias.reason}: the gyro's bias is not known, none is subtracted")
 
     def _check_start(self) -> None:
-        """Refuse a start, or getting up, with the reason, while the hardware or how the robot lies is not fit for it."""
+        """Refuse a start, or getting up, with the reason, while the robot is not fit for it, or does not lie so."""
         if not (self.inputs.start or self.inputs.get_up):
             self.audit.watch(self.state)
             return

@@ -12,8 +12,7 @@ Float = NDArray[np.float64]
 Lying = Literal["front", "back", "side"]
 
 SIDE_RAD = 0.6
-"""Lean of the torso to a side from which on the robot lies on its side [rad]. In simulation fallen robots lie within 0.3
-rad of their front or back, and beyond 0.9 on a side."""
+"""Lean of the torso to a side from which on the robot lies on its side [rad]."""
 
 
 def pitch_and_lean(tilt: Float) -> tuple[float, float]:

@@ -157,8 +157,8 @@ class ClearMessage(MessageBase):
     """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`.
 
     Attributes:
-        get_up: a robot that lies on its front or its back gets up, from OFF too; the answer comes when it stands, or has
-            given up. Never by itself: without this it lies until somebody puts it up.
+        get_up: a robot that lies on its front or its back gets up, from OFF too; the answer comes when it stands, or
+            has given up. Never by itself: without this it lies until somebody puts it up.
     """
 
     type: Literal["clear"] = "clear"

@@ -45,8 +45,8 @@ class Status(BaseModel):
         state: of the safety ladder.
         cause: why the state is not one that follows targets, in the loop's words: the first fault, and behind it the
             newest one that changed no state, such as torque off that is not confirmed.
-        gets_up_from: the side, `front` or `back`, that the robot lies on without torque and from which it gets up on request
-            (`clear` with `get_up`); null where it does not lie, or does not get up.
+        gets_up_from: the side, `front` or `back`, that the robot lies on without torque and from which it gets up on
+            request (`clear` with `get_up`); null where it does not lie, or does not get up.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.

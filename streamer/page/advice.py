@@ -13,13 +13,13 @@ _ADVICE = (
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
     (
         r"get up: ",
-        "It could not get up, and gave way. Look what was in its way; let it try again, or put it into its rest pose by "
-        "hand, clear the fault and arm it.",
+        "It could not get up, and gave way. Look what was in its way; let it try again, or put it into its rest pose "
+        "by hand, clear the fault and arm it.",
     ),
     (
         r"\bfall\b",
-        "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it. Or, where nobody "
-        "is within its reach, let it get up: `flexmotion clear --get-up`.",
+        "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it. Or, where "
+        "nobody is within its reach, let it get up: `flexmotion clear --get-up`.",
     ),
     (r"bus lost", "Check the servos' cable and supply; `flexmotion check bus` finds the rest."),
     (r"does not answer", "Check this servo's plug and the cable to it: `flexmotion servo scan`."),
