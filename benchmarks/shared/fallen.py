@@ -133,23 +133,22 @@ class Fallen:
         self._peak[:] = self._squares[:] = 0.0
         loop.inputs.get_up = True
         self._tick()
-        if self._state is not State.GET_UP:
+        if not self._in(State.GET_UP):
             return self._ended("refused", before, begin)
-        while self._state in (State.GET_UP, State.READY) and not loop.ready:
+        while self._in(State.GET_UP, State.READY) and not loop.ready:
             self._tick()
             if loop.tick_count - begin > LONGEST_S * rate:
                 return self._ended("it takes too long", before, begin)
         if not loop.ready:
-            return self._ended(loop.ladder.fault or self._state.name, before, begin)
+            return self._ended(loop.ladder.fault or loop.ladder.state.name, before, begin)
         ended = self._ended("", before, begin)
         self._until(State.FAULT, STANDS_S)
-        if self._state is not State.READY:
+        if not self._in(State.READY):
             return self._ended(f"it stood, then: {loop.ladder.fault}", before, begin)
         return ended
 
-    @property
-    def _state(self) -> State:
-        return self.loop.ladder.state
+    def _in(self, *states: State) -> bool:
+        return self.loop.ladder.state in states
 
     def _ended(self, reason: str, before: int, begin: int) -> GotUp:
         usable, ticks = self.robot.usable_torque, self.loop.tick_count - begin
@@ -169,9 +168,9 @@ class Fallen:
         """Tick until the ladder is in a state, for `seconds` at most; OFF: for that long. Returns whether it is."""
         for _ in range(round(seconds * self.robot.rate_hz)):
             self._tick()
-            if state is not State.OFF and self._state is state:
+            if state is not State.OFF and self._in(state):
                 return True
-        return self._state is state
+        return self._in(state)
 
     def _tick(self) -> None:
         self.loop.tick()
