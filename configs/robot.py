@@ -131,8 +131,6 @@ class Robot:
         self.stand_pose = self.pose(f"{file}: field stand_pose", self.config.stand_pose)
         self.rest_pose = self.pose(f"{file}: field rest_pose", self.config.rest_pose)
 
-        self.get_up = read_get_up(self)
-
         self.model = self.compile()
         self._check_joints()
         self._check_mapping()
@@ -149,6 +147,7 @@ class Robot:
         if self.config.hands is not None:
             self._body("hands.left.body", self.config.hands.left.body)
             self._body("hands.right.body", self.config.hands.right.body)
+        self.get_up = read_get_up(self)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n} joints, {self.file})"
