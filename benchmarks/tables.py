@@ -157,10 +157,22 @@ def _when(result: Result) -> str:
     return f"{result.date}, {result.commit[:7]}, {machine}{f', with `{options.strip()}`' if options else ''}"
 
 
+GET_UP = tuple(
+    Row(
+        f"up from its {side}, of perturbed robots",
+        "robot/get_up",
+        f"{{{side}[stand]:.0f}} of {{{side}[starts]:.0f}}, in {{{side}[median_s]:.1f}} s (median); greatest torque "
+        f"{{{side}[peak_nm]:.2f}} N·m, {{{side}[violations]:.0f}} goals outside the envelope",
+        "all; 0",
+    )
+    for side in ("front", "back")
+)
+
 TABLES: dict[str, Callable[[Results], str]] = {
     "model": partial(of_topic, "model"),
     "robot": partial(of_topic, "robot"),
     "biomechanics": partial(of_figures, BIOMECHANICS),
+    "get-up": partial(of_figures, GET_UP),
     "bus-cycle-time": partial(
         of_groups,
         "bus/cycle_time",

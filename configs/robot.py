@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zero
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.get_up import read_get_up
 from flexmotion.configs.identification import apply_to_joints, identified
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
@@ -78,6 +79,7 @@ class Robot:
         tick_rad: position unit [rad].
         direction, zero: servo angle = direction * joint angle + zero [rad].
         stand_pose, rest_pose: [rad].
+        get_up: steps by the side that it lies on (`flexmotion.configs.get_up`); empty: it does not get up by itself.
         model: the compiled MJCF, without floor; read-only (`compile` makes an editable one).
         qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
         torso_id: id of the torso's body.
@@ -126,8 +128,8 @@ class Robot:
         self._min_tick = _array(servo.min_tick for servo in self.servos)
         self._max_tick = _array(servo.max_tick for servo in self.servos)
         self._check_servo_ranges()
-        self.stand_pose = self._pose("stand_pose", self.config.stand_pose)
-        self.rest_pose = self._pose("rest_pose", self.config.rest_pose)
+        self.stand_pose = self.pose(f"{file}: field stand_pose", self.config.stand_pose)
+        self.rest_pose = self.pose(f"{file}: field rest_pose", self.config.rest_pose)
 
         self.model = self.compile()
         self._check_joints()
@@ -145,6 +147,7 @@ class Robot:
         if self.config.hands is not None:
             self._body("hands.left.body", self.config.hands.left.body)
             self._body("hands.right.body", self.config.hands.right.body)
+        self.get_up = read_get_up(self)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n} joints, {self.file})"
@@ -244,21 +247,21 @@ class Robot:
             except ConfigError as error:
                 raise ConfigError(f"{self.file}: {error}") from error
 
-    def _pose(self, field: str, pose: dict[str, float]) -> Float:
-        """A pose given by joint name as an array, (n,) [rad]; joints not named are at 0."""
+    def pose(self, origin: str, pose: dict[str, float]) -> Float:
+        """A pose given by joint name as an array, (n,) [rad]; joints not named are at 0.
+
+        Raises `ConfigError`, which begins with `origin`, for a joint that there is not and an angle outside its limits.
+        """
         values = np.zeros(self.n)
         for joint, value in pose.items():
             if joint not in self.joint_names:
-                raise ConfigError(
-                    f"{self.file}: field {field}: unknown joint {joint!r}, "
-                    f"{self._alternatives(joint, self.joint_names)}"
-                )
+                raise ConfigError(f"{origin}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
             values[self.joint_names.index(joint)] = value
         outside = np.flatnonzero((values < self.lower) | (values > self.upper))
         if len(outside):
             joint_config = self.joints[outside[0]]
             raise ConfigError(
-                f"{self.file}: field {field}.{joint_config.name}: {values[outside[0]]:g} is outside the joint's limits "
+                f"{origin}.{joint_config.name}: {values[outside[0]]:g} is outside the joint's limits "
                 f"{list(joint_config.limits)}"
             )
         return _frozen(values)

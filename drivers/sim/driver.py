@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 import mujoco
 import numpy as np
@@ -33,6 +34,9 @@ BLOCKED_SHARE, BLOCKED_IMPEDANCE = 12.0, (0.999, 0.9999, 0.001, 0.5, 2.0)
 """Friction of a blocked joint over its servo's stall torque, and the impedance (`solimp`) of this constraint: against
 all torque of a servo it creeps by a few ticks a second. A damping that no servo overcomes is outside MuJoCo's solver:
 the state of a walking robot diverged."""
+
+_ON_ITS_SIDE = 0.5
+"""Sine of the torso's lean from which on the robot lies on its side."""
 
 log = logging.getLogger(__name__)
 
@@ -255,14 +259,25 @@ class SimDriver(LockstepDriver):
             self._lie(seconds, self._settings.picked_up_s)
 
     def _lie(self, seconds: float, picked_up_s: float) -> None:
-        """Count the time without torque, then set the robot up; `_off_s` is infinite before torque, and after that."""
+        """Count the time without torque, then set the robot up; `_off_s` is infinite before torque, and after that.
+
+        A robot that lay when its torque went off stays where it lies, on a side from which it can get up.
+        """
         if self.plant.enabled.any():
-            self._off_s = 0.0
+            self._off_s, self._fell = 0.0, self.torso_up < math.cos(self.robot.safety.fall_tilt)
+        elif self._fell and self._gets_up:
+            return
         elif np.isfinite(self._off_s):
             self._off_s += seconds
             if self._off_s > picked_up_s:
                 self._off_s = np.inf
                 self.place()
+
+    @property
+    def _gets_up(self) -> bool:
+        """Whether it lies on a side that its get-up file has steps for."""
+        ahead, left, _ = self.data.xmat[self._torso].reshape(3, 3)[2]
+        return abs(left) < _ON_ITS_SIDE and ("front" if ahead < 0.0 else "back") in self.robot.get_up
 
     def truth(self) -> Truth:
         """The true state now; torque and saturation are those of the last `advance`."""
@@ -288,6 +303,7 @@ class SimDriver(LockstepDriver):
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
         self._steps, self._owed, self._pushed, self._off_s = 0, 0.0, False, np.inf
+        self._fell = False
         self.place()
 
     def _step(self) -> None:

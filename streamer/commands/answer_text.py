@@ -57,6 +57,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "robot": f"{found['robot']} on {found['driver']}" + ("" if time_s is None else f", for {time_s:.1f} s"),
         "state": state if found["loop"] == "ticks" else f"the loop does not run; it was {state or 'never started'}",
         "cause": found["cause"],
+        "lies": _lies(found.get("gets_up_from")),
         "targets": "refused: a stop is in force (flexmotion clear)" if _stopped(found) else None,
         "limp joints": ", ".join(found["limp"]) or None,
         "follows": _follows(found["following"]),
@@ -70,6 +71,10 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         **found["ways"],
     }
     return [f"{name:{_NAME}}{text}" for name, text in rows.items() if text is not None]
+
+
+def _lies(side: str | None) -> str | None:
+    return None if side is None else f"on its {side}; it gets up with: flexmotion clear --get-up"
 
 
 def _stopped(found: Mapping[str, Any]) -> bool:

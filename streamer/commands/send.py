@@ -270,18 +270,26 @@ def disarm(
 
 @grouped
 def clear(
+    *,
+    get_up: Annotated[
+        bool,
+        typer.Option("--get-up", help="A robot that lies on its front or back gets up; waits until it stands."),
+    ] = False,
     run: RunAddress,
 ) -> None:
     """Release a STOP once the robot stands; it stands on until a new target arrives.
 
-    After an emergency stop or another fault the robot is then in OFF: `flexmotion arm` stands it up.
+    After an emergency stop or another fault the robot is then in OFF: `flexmotion arm` stands it up. One that has
+    fallen is put up by hand before, or gets up by --get-up: see that nobody is within its reach.
 
     [bold]Examples[/bold]
 
       flexmotion clear
+
+      flexmotion clear --get-up
     """
     with run.client() as client:
-        answer = client.clear()
+        answer = client.clear(get_up=get_up)
     _present(answer, run.as_json)
 
 

@@ -6,13 +6,15 @@ OFF ──start──► READY ──plan──► STREAMING ◄──plan──
 any state with torque: e-stop, lost bus ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill ► FAULT
 READY, STREAMING, HOLD: a blocked joint ► HOLD (frozen) ► PARK ► FAULT
 FAULT ──clear──► OFF
+OFF, FAULT ──get up──► GET_UP ──upright──► READY          GET_UP ──failed, any stop, any fault──► DAMPED ► FAULT
 ```
 
 What an e-stop, a lost bus or a blocked joint does before PARK is the robot file's choice
 (`flexmotion.configs.robot_file.EmergencyStop`); the line above is that of a robot that stays up when it freezes. Servos
 that do not answer may still receive goals: the robot is held and lowered without measurements. Where goals cannot be
 sent any more, the ladder goes to FAULT. With a blocked leg the way to the rest pose makes the robot fall: it stays
-frozen until an operator, who holds it, requests the way down, or its time is over, or another fault comes.
+frozen until an operator, who holds it, requests the way down, or its time is over, or another fault comes. A robot that
+gets up cannot stop half-way: frozen it would topple over stiff, and it cannot park. Whatever ends it makes it give way.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ class State(IntEnum):
     PARK = 4
     DAMPED = 5
     FAULT = 6
+    GET_UP = 7
 
 
 class Playback(Enum):
@@ -44,6 +47,7 @@ class Playback(Enum):
     FREEZE = "the last goals, unchanged"
     TO_REST = "slow move to the rest pose"
     DAMP = "joints give way softly"
+    GET_UP = "the steps of the robot's file by which it gets up"
 
 
 @dataclass
@@ -53,8 +57,10 @@ class Inputs:
     Attributes:
         start, stop, park, clear: requests of an operator; they hold for one tick.
         estop, kill: the same; they act in every state.
+        get_up: likewise, of a robot that lies without torque, and may get up.
         plan_ready: there is a plan to play; plan_over: its stop tail has been played.
-        move_done: the slow move of this state is done.
+        move_done: the slow move of this state is done, or the robot has got up.
+        get_up_failed: why it does not get up, or None.
         fallen: the torso is tilted past the robot's limit.
         fault: why servos, sensors, supply or planner require an orderly end, or None.
         blocked: why a joint cannot go where its goals lead it, or None: the plan cannot be played on.
@@ -67,6 +73,7 @@ class Inputs:
     stop: bool = False
     park: bool = False
     clear: bool = False
+    get_up: bool = False
     estop: bool = False
     kill: bool = False
     plan_ready: bool = False
@@ -78,6 +85,7 @@ class Inputs:
     stands: bool = False
     bus_lost: str | None = None
     cut_off: str | None = None
+    get_up_failed: str | None = None
 
     def reset(self) -> None:
         """Clear all, since inputs hold for one tick."""
@@ -86,7 +94,7 @@ class Inputs:
 
 _STOPPED = {"freeze": "frozen", "captured_stop": "brought to a stand", "crouch": "lowered"}
 
-POWERED = (State.READY, State.STREAMING, State.HOLD, State.PARK, State.DAMPED)
+POWERED = (State.READY, State.STREAMING, State.HOLD, State.PARK, State.DAMPED, State.GET_UP)
 
 
 class Ladder:
@@ -144,6 +152,7 @@ class Ladder:
             State.PARK: Playback.TO_REST,
             State.DAMPED: Playback.DAMP,
             State.FAULT: Playback.NOTHING,
+            State.GET_UP: Playback.GET_UP,
         }[self.state]
 
     def _latch(self, cause: str) -> None:
@@ -158,7 +167,7 @@ class Ladder:
         elif inputs.cut_off is not None:
             self._latch(inputs.cut_off)
             self.state = State.FAULT
-        elif self.state is State.DAMPED:
+        elif self.state in (State.DAMPED, State.GET_UP):
             return False
         elif inputs.fallen:
             self._latch("fall: torso tilted past the robot's limit")
@@ -212,6 +221,24 @@ class Ladder:
         elif inputs.kill:
             self._latch("kill: torque cut by an operator")
             self.state = State.FAULT
+        elif inputs.get_up and not stopped:
+            self._begin_to_get_up()
+
+    def _begin_to_get_up(self) -> None:
+        self.state, self.fault, self._stands = State.GET_UP, None, False
+        self.stopping = self._frozen = self._parking = self._lost = False
+
+    def _in_get_up(self, inputs: Inputs) -> None:
+        cause = inputs.bus_lost or inputs.fault or inputs.get_up_failed
+        if inputs.estop:
+            cause = "e-stop: an operator stopped the robot while it got up; it gave way"
+        elif inputs.stop or inputs.park:
+            cause = "stop: an operator stopped the robot while it got up; it gave way"
+        if cause is not None:
+            self._latch(cause)
+            self.state, self._left = State.DAMPED, self._damp_ticks
+        elif inputs.move_done:
+            self.state = State.READY
 
     def _in_ready(self, inputs: Inputs) -> None:
         if inputs.park or self.fault is not None:
@@ -254,6 +281,10 @@ class Ladder:
             self.state = State.FAULT
 
     def _in_fault(self, inputs: Inputs) -> None:
-        if inputs.clear and not (inputs.estop or inputs.kill):
+        if inputs.estop or inputs.kill:
+            return
+        if inputs.get_up and not (inputs.stop or inputs.park):
+            self._begin_to_get_up()
+        elif inputs.clear:
             self.state, self.fault = State.OFF, None
             self.stopping = self._frozen = self._parking = self._lost = False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 import numpy as np
@@ -12,11 +11,13 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.get_up_move import GetUpMove
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
 from flexmotion.streamer.control.joint_torque import JointTorque
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
+from flexmotion.streamer.control.lying import lying_on
 from flexmotion.streamer.control.obedience import Obedience
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.plan_intake import PlanIntake
@@ -27,6 +28,7 @@ from flexmotion.streamer.control.reference import Reference
 from flexmotion.streamer.control.row_writer import RowWriter
 from flexmotion.streamer.control.servo_command import ServoCommand
 from flexmotion.streamer.control.stabiliser import Stabiliser
+from flexmotion.streamer.control.start_check import why_not_arm, why_not_get_up
 from flexmotion.streamer.control.suspension import Suspension
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.control.tick_row import REPAIRS
@@ -39,6 +41,8 @@ _JUDGED = (State.READY, State.STREAMING, State.HOLD)
 _MAY_HOLD = "their joints may be stiff; switch the power off"
 _LATE_TICKS = 3
 """Ticks from one to the next after which goals begin where the servos hold them."""
+GET_UP = "GET_UP"
+"""The request to get up, as its events name it: `refused` with the reason, or `done`."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -89,6 +93,7 @@ class ControlLoop:
         self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
         self.servo = ServoCommand(robot, driver.delay_s, driver.turns)
         self.move = PostureMove(robot, retargeter.body.dynamics)
+        self.get_up = GetUpMove(robot)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
@@ -195,8 +200,10 @@ class ControlLoop:
         inputs.plan_ready = self.intake.plan is not None and not inputs.plan_over
         if state is State.READY and self.move.done and not self.gyro_bias.done:
             self._measure_gyro_bias()
-        inputs.move_done = self._arrived
-        if state is State.OFF:
+        inputs.move_done = self._arrived if state is not State.GET_UP else self.get_up.done
+        if state is State.GET_UP and self.get_up.failed is not None:
+            inputs.get_up_failed = f"get up: {self.get_up.failed}"
+        if state is State.OFF or inputs.get_up:
             self._check_start()
             return
         tilted = self.estimator.tilt_angle > self.robot.safety.fall_tilt
@@ -250,15 +257,21 @@ class ControlLoop:
             self._emit("warning", f"{bias.reason}: the gyro's bias is not known, none is subtracted")
 
     def _check_start(self) -> None:
-        """Refuse a start, with the reason, while the hardware is not fit for it."""
-        if not self.inputs.start:
+        """Refuse a start, or getting up, with the reason, while the robot is not fit for it, or does not lie so."""
+        if not (self.inputs.start or self.inputs.get_up):
             self.audit.watch(self.state)
             return
         self.audit.take_limits(self.driver.temperature_limit, self.driver.voltage_limit)
         reason = self.joints.restarting or self.audit.refusal(
             self.state, self.plausibility.unread, self.estimator.has_imu
         )
-        reason = reason or self._lies()
+        if self.inputs.get_up:
+            reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro)
+            if reason is not None:
+                self.inputs.get_up = False
+                self._emit("refused", f"{GET_UP}: {reason}")
+            return
+        reason = reason or why_not_arm(self.robot, self.estimator)
         if reason is None:
             return
         self.inputs.start = False
@@ -267,13 +280,6 @@ class ControlLoop:
         else:
             self.hardware_failed = True
             self._emit("fault", f"no start: {reason}")
-
-    def _lies(self) -> str | None:
-        """Why a robot that has been watched for a while cannot stand up: it lies. None where it may."""
-        tilt = self.estimator.tilt_angle
-        if not self.estimator.has_imu or tilt <= self.robot.safety.fall_tilt:
-            return None
-        return f"the torso is tilted by {math.degrees(tilt):.0f}°: the robot lies; put it into its rest pose by hand"
 
     def _warn(self, message: str) -> None:
         self._emit("warning", message)
@@ -286,23 +292,23 @@ class ControlLoop:
         cause = f": {self.ladder.fault}" if self.ladder.fault else ""
         self._emit("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
-        if state in (State.OFF, State.READY, State.FAULT):
+        if before is State.GET_UP:
+            self._emit(*(("done", GET_UP) if state is State.READY else ("refused", f"{GET_UP}: {self.ladder.fault}")))
+        if state in (State.OFF, State.FAULT, State.GET_UP) or before is State.OFF:
             self.joints.forget()
             self.commands = False
         if state is State.READY:
-            begin = time.perf_counter_ns()
-            self.driver.set_torque(True)
-            self._waited_s = (time.perf_counter_ns() - begin) * 1e-9
-            pinned = self.state.position.copy()
-            self.driver.take_pins(pinned)
-            self.servo.reset(pinned)
-            self.obedience.reset(pinned)
+            # A robot that has got up goes on from its reference, which is what the servos hold.
+            pinned = self._switch_on() if before is State.OFF else self.now.q.copy()
+            self.obedience.reset(pinned if before is State.OFF else self.state.position)
             self.load.reset()
             self.suspension.reset()
             self.estimator.reset()
             self.gyro_bias.reset()
-            self.command.position[:] = pinned
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
+        elif state is State.GET_UP:
+            side = lying_on(self.estimator.tilt, robot.safety.fall_tilt)
+            self.get_up.begin(self._switch_on(), robot.get_up[str(side)])
         elif state is State.PARK:
             self.intake.forget()
             # From the reference of the goals, not from the measurement: that is what the servos hold.
@@ -319,6 +325,17 @@ class ControlLoop:
             if self.driver.holding:
                 self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")
 
+    def _switch_on(self) -> Float:
+        """Switch the torque on, and begin where the driver has pinned the joints, (n,) [rad]."""
+        begin = time.perf_counter_ns()
+        self.driver.set_torque(True)
+        self._waited_s = (time.perf_counter_ns() - begin) * 1e-9
+        pinned = self.state.position.copy()
+        self.driver.take_pins(pinned)
+        self.servo.reset(pinned)
+        self.command.position[:] = pinned
+        return pinned
+
     def _play(self, playback: Playback) -> None:
         if playback in (Playback.NOTHING, Playback.DAMP):
             self.now.balanced = False
@@ -328,7 +345,10 @@ class ControlLoop:
             self.driver.write(self.command)
             return
         plan = self.intake.plan if playback is Playback.PLAN else None
-        if plan is not None:
+        if playback is Playback.GET_UP:
+            self.get_up.step(self.now, self.estimator.tilt)
+            self.ahead.copy(self.now)
+        elif plan is not None:
             place = float(self.tick_count - plan.start_tick)
             self.now.take(plan, place)
             self.ahead.take(plan, place + self._lead)
@@ -338,7 +358,7 @@ class ControlLoop:
             self.move.step(self.now)
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None
-        np.copyto(self._load, self._torque())
+        np.copyto(self._load, self.now.torque if playback is Playback.GET_UP else self._torque())
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True

@@ -13,13 +13,14 @@ from websockets.exceptions import WebSocketException
 
 from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
-    PATIENCE_S,
     Messages,
     StopAnswer,
     answer_in,
+    clear_content,
     heading_content,
     kill_content,
     part_content,
+    patience_of,
     text_content,
     velocity_content,
     waypoint_content,
@@ -152,9 +153,9 @@ class AsyncClient(Messages):
         """Restart the servos of joints, such as those in shutdown, while all torque is off; waits for them."""
         return await self.ask({"type": "reboot", "joints": joints})
 
-    async def clear(self) -> Answer:
+    async def clear(self, *, get_up: bool = False) -> Answer:
         """Release a STOP, or a fault; see `Client.clear`."""
-        return await self.ask({"type": "clear"})
+        return await self.ask(clear_content(get_up))
 
     async def take(self) -> Answer:
         """Take the operator's lease over."""
@@ -190,7 +191,7 @@ class AsyncClient(Messages):
         self._waiting[identity] = answered
         try:
             await self._socket.send(text)
-            return await asyncio.wait_for(answered, PATIENCE_S)
+            return await asyncio.wait_for(answered, patience_of(message))
         except (OSError, WebSocketException) as error:  # TimeoutError is an OSError
             raise self.failed(error) from error
         finally:

@@ -21,13 +21,14 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from flexmotion.streamer.gateway.connection import (
-    PATIENCE_S,
     Messages,
     StopAnswer,
     answer_in,
+    clear_content,
     heading_content,
     kill_content,
     part_content,
+    patience_of,
     text_content,
     velocity_content,
     waypoint_content,
@@ -158,9 +159,13 @@ class Client(Messages):
         """Restart the servos of joints, such as those in shutdown, while all torque is off; waits for them."""
         return self.ask({"type": "reboot", "joints": joints})
 
-    def clear(self) -> Answer:
-        """Release a STOP; after a fault lead to OFF, from where `arm` leads back."""
-        return self.ask({"type": "clear"})
+    def clear(self, *, get_up: bool = False) -> Answer:
+        """Release a STOP; after a fault lead to OFF, from where `arm` leads back.
+
+        Args:
+            get_up: a robot that lies gets up; the answer comes when it stands, or has given up.
+        """
+        return self.ask(clear_content(get_up))
 
     def take(self) -> Answer:
         """Take the operator's lease over."""
@@ -193,7 +198,7 @@ class Client(Messages):
         try:
             self._socket.send(text)
             while True:
-                answer = answer_in(self._socket.recv(PATIENCE_S))
+                answer = answer_in(self._socket.recv(patience_of(message)))
                 if answer is not None and answer.id == identity:
                     return answer
         except (OSError, WebSocketException, ValueError) as error:

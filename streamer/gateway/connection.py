@@ -16,11 +16,21 @@ from websockets.exceptions import InvalidStatus
 from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
-from flexmotion.streamer.gateway.messages import Answer, MessageError, decode, encode
+from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, MessageError, decode, encode
 
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
 """Longest wait for an answer [s]; a run answers within its `take_up_s`."""
+
+
+def patience_of(content: Mapping[str, Any]) -> float:
+    """Longest wait for the answer to a message [s]: a robot that gets up is answered for when it stands."""
+    return GET_UP_S + PATIENCE_S if content.get("get_up") else PATIENCE_S
+
+
+def clear_content(get_up: bool) -> dict[str, Any]:
+    """A `clear`."""
+    return {"type": "clear", "get_up": get_up or None}
 
 
 class StopAnswer(BaseModel):

@@ -22,8 +22,9 @@ from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, Repl
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
-from flexmotion.streamer.gateway.loop_requests import REQUESTS, in_effect, name_of
+from flexmotion.streamer.gateway.loop_requests import REQUESTS, gets_up, in_effect, name_of, request_of
 from flexmotion.streamer.gateway.messages import (
+    GET_UP_S,
     Answer,
     AnswerState,
     ClearMessage,
@@ -179,7 +180,7 @@ class Desk:
             self._request(asked)
         elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender, now):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
-        elif not self.takes_targets and not isinstance(message, KillMessage | ClearMessage):
+        elif not self.takes_targets and (gets_up(message) or not isinstance(message, KillMessage | ClearMessage)):
             self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
         elif isinstance(message, ReleaseMessage):
             held = self.lease.release(message.source)
@@ -254,14 +255,15 @@ class Desk:
 
     def _request(self, asked: Asked) -> None:
         message = asked.message
-        asked.due_s = asked.since_s + (_RESTART_S if isinstance(message, RebootMessage) else _REQUEST_S)
+        takes_s = _RESTART_S if isinstance(message, RebootMessage) else GET_UP_S if gets_up(message) else _REQUEST_S
+        asked.due_s = asked.since_s + takes_s
         same = any(name_of(one) == name_of(asked) and one.tick < 0 for one in self._asked)
         self._asked.append(asked)
         if not same:  # one that the loop has not taken yet stands for both: a burst does not overrun the channel
             reason = f"{message.source}: {message.type}"
             if isinstance(message, JointsMessage):
                 reason = ",".join(message.joints)
-            self.requests.send(REQUESTS[type(message)], reason)
+            self.requests.send(request_of(message), reason)
 
     # ---------------------------------------------------------------- answers
 

@@ -6,6 +6,7 @@ from flexmotion.streamer.control.ladder import POWERED, State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, LimpMessage, RebootMessage, StiffMessage
+from flexmotion.streamer.gateway.message_base import MessageBase
 from flexmotion.streamer.gateway.messages import (
     ArmMessage,
     ClearMessage,
@@ -29,9 +30,19 @@ REQUESTS: dict[type, Request] = {
 }
 
 
+def request_of(message: MessageBase) -> Request:
+    """The request that a message is."""
+    return Request.GET_UP if gets_up(message) else REQUESTS[type(message)]
+
+
+def gets_up(message: MessageBase) -> bool:
+    """Whether a message asks the robot to get up."""
+    return isinstance(message, ClearMessage) and message.get_up
+
+
 def name_of(asked: Asked) -> str:
     """Of a request, as in the loop's events; with its joints."""
-    message, name = asked.message, REQUESTS[type(asked.message)].name
+    message, name = asked.message, request_of(asked.message).name
     return f"{name} {','.join(message.joints)}" if isinstance(message, JointsMessage) else name
 
 
@@ -40,8 +51,8 @@ def in_effect(asked: Asked, row: TickRow | None) -> bool:
     message = asked.message
     if not isinstance(message, ArmMessage | ClearMessage | JointsMessage):
         return True
-    if row is None or int(row.tick) < asked.tick or isinstance(message, RebootMessage):
-        return False  # the end of a restart is an event
+    if row is None or int(row.tick) < asked.tick or isinstance(message, RebootMessage) or gets_up(message):
+        return False  # the end of a restart is an event, and so is a robot that has got up, or has not
     if isinstance(message, JointsMessage):
         return True  # else it was refused by an event of that tick
     state = State(int(row.state))

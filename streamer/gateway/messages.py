@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError, field_validator
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.get_up import LONGEST_S
 from flexmotion.configs.problems import one_line
 from flexmotion.streamer.gateway.joint_messages import LimpMessage, RebootMessage, StiffMessage
 from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
@@ -154,9 +155,15 @@ class DisarmMessage(MessageBase):
 
 
 class ClearMessage(MessageBase):
-    """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`."""
+    """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`.
+
+    Attributes:
+        get_up: a robot that lies on its front or its back gets up, from OFF too; the answer comes when it stands, or
+            has given up. Never by itself: without this it lies until somebody puts it up.
+    """
 
     type: Literal["clear"] = "clear"
+    get_up: bool = False
 
 
 class KillMessage(MessageBase):
@@ -177,6 +184,9 @@ class ReleaseMessage(MessageBase):
 
     type: Literal["release"] = "release"
 
+
+GET_UP_S = LONGEST_S + 20.0
+"""Time after which a `clear` with `get_up` is answered at the latest [s]: the steps, the way to the first, a margin."""
 
 Message = (
     TextMessage

@@ -22,14 +22,14 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.desk import Desk
-from flexmotion.streamer.gateway.messages import KINDS, Answer, Message, encode
+from flexmotion.streamer.gateway.messages import GET_UP_S, KINDS, Answer, Message, encode
 from flexmotion.streamer.gateway.metrics import METRICS_TYPE
 from flexmotion.streamer.gateway.pages import FILES, Pages, add_pages
 from flexmotion.streamer.gateway.status import Status
 
 _FASTEST_STATUS_HZ = 50.0
-_ANSWER_S = 30.0
-"""Longest time that a POST waits for its answer [s]; the desk answers far earlier."""
+_ANSWER_S = GET_UP_S + 5.0
+"""Longest time that a POST waits for its answer [s]; the desk answers before, and nearly everything far earlier."""
 _BODY_S = 10.0
 """A POST whose body is not complete after this time is refused [s]."""
 _NOT_DONE = ("expired", "refused")

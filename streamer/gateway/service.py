@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
+from flexmotion.streamer.control.start_check import gets_up_from
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission, is_loopback
 from flexmotion.streamer.gateway.health import Health
@@ -195,7 +196,14 @@ class _Server:
         def status() -> Status:
             robot = service.robot
             return status_of(
-                desk, robot.name, service.driver, robot.rate_hz, service.stop_port, service.health, robot.joint_names
+                desk,
+                robot.name,
+                service.driver,
+                robot.rate_hz,
+                service.stop_port,
+                service.health,
+                robot.joint_names,
+                partial(gets_up_from, robot),
             )
 
         pump: asyncio.Task[Any] = asyncio.create_task(_pump(desk, woken))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.health import WORKS, Health
 
@@ -44,6 +45,8 @@ class Status(BaseModel):
         state: of the safety ladder.
         cause: why the state is not one that follows targets, in the loop's words: the first fault, and behind it the
             newest one that changed no state, such as torque off that is not confirmed.
+        gets_up_from: the side, `front` or `back`, that the robot lies on without torque and from which it gets up on
+            request (`clear` with `get_up`); null where it does not lie, or does not get up.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
@@ -69,6 +72,7 @@ class Status(BaseModel):
     loop: Literal["ticks", "silent"]
     state: str | None = None
     cause: str | None = None
+    gets_up_from: str | None = None
     must_stop: bool | None = None
     limp: tuple[str, ...] = ()
     tick: int | None = None
@@ -100,8 +104,14 @@ def status_of(
     stop_port: int | None,
     health: Health | None = None,
     joints: Sequence[str] = (),
+    gets_up_from: Callable[[TickRow], str | None] = lambda _row: None,
 ) -> Status:
-    """The status from the loop's newest row and the gateway's own record; `joints`: names of the robot's."""
+    """The status from the loop's newest row and the gateway's own record.
+
+    Args:
+        joints: names of the robot's.
+        gets_up_from: gives the field of this name, from the loop's newest row.
+    """
     known: dict[str, Any] = {"robot": robot, "driver": driver, "operator": desk.lease.holder, "stop_port": stop_port}
     known["counts"] = dict(sorted(desk.counts.items()))
     known["ways"] = {} if health is None else health.problems()
@@ -127,6 +137,7 @@ def status_of(
         loop="ticks" if age_s < _OLD_S else "silent",
         state=State(int(row.state)).name,
         cause=desk.cause.text,
+        gets_up_from=gets_up_from(row),
         must_stop=bool(row.must_stop),
         limp=tuple(name for name, limp in zip(joints, row.limp, strict=False) if limp),
         tick=int(row.tick),

@@ -11,7 +11,16 @@ _ADVICE = (
         "arm the robot: it stands up.",
     ),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
-    (r"\bfall\b", "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it."),
+    (
+        r"get up: ",
+        "It could not get up, and gave way. Look what was in its way; let it try again, or put it into its rest pose "
+        "by hand, clear the fault and arm it.",
+    ),
+    (
+        r"\bfall\b",
+        "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it. Or, where "
+        "nobody is within its reach, let it get up: `flexmotion clear --get-up`.",
+    ),
     (r"bus lost", "Check the servos' cable and supply; `flexmotion check bus` finds the rest."),
     (r"does not answer", "Check this servo's plug and the cable to it: `flexmotion servo scan`."),
     (r"hardware error", "The servo was too hot or overloaded: let it cool, then `flexmotion servo reboot`."),
@@ -19,7 +28,7 @@ _ADVICE = (
     (r"supply at", "The supply is low: charge or change the battery, then start the run again."),
     (r"gyro's bias", "Let the robot stand still on its feet for a second while it starts."),
     (r"\bIMU\b", "The IMU is silent: check its cable. Without it falls are not noticed; keep a hand at the robot."),
-    (r"robot lies", "Put the robot into its rest pose by hand, then arm it."),
+    (r"robot lies", "Put the robot into its rest pose by hand, then arm it; or let it get up, if it can."),
     (r"waits to be armed", "See that nobody is in its way, then arm the robot: it stands up."),
     (r"no start", "The robot did not start; the message says what to mend. Nothing has moved."),
     (r"time limit", "The run was ended by its --seconds."),

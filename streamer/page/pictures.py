@@ -20,7 +20,7 @@ Row = np.ndarray[Any, Any]
 
 _ASIDE = 0.9
 """The human stands this far to the left of the robot, in heights of the robot."""
-_FOLLOWS_NOBODY = (State.OFF, State.READY, State.DAMPED, State.FAULT)
+_FOLLOWS_NOBODY = (State.OFF, State.READY, State.DAMPED, State.FAULT, State.GET_UP)
 _HIPS = (POINTS.index("left_hip"), POINTS.index("right_hip"))
 _LEG = tuple(POINTS.index(f"left_{name}") for name in ("hip", "knee", "ankle"))
 

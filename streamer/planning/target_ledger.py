@@ -21,6 +21,7 @@ _ENDED = {
     State.PARK: "the robot lowers itself (PARK), then its torque goes off: arm it after that",
     State.DAMPED: "the robot has fallen and gives way (DAMPED)",
     State.FAULT: "the robot is in FAULT: clear the fault, then arm the robot",
+    State.GET_UP: "the robot gets up (GET_UP): wait until it stands",
 }
 """States in which no target is followed, and why."""
 _STOPPED = (

@@ -27,6 +27,7 @@ _STATE_COLOURS = {
     State.PARK: "#d9c2ee",
     State.DAMPED: "#f4a582",
     State.FAULT: "#e58080",
+    State.GET_UP: "#c9b98f",
 }
 _LABELLED_SHARE = 0.04
 """Bands shorter than this share of the run have no label."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.control.loop import GET_UP, ControlLoop
 from flexmotion.streamer.run.requests import OF_JOINTS, Request
 
 _SETTLE_S = 1.0
@@ -110,6 +110,8 @@ class Lifecycle:
             self._clear()
         elif request is Request.ARM:
             self._arm()
+        elif request is Request.GET_UP:
+            self._get_up()
         elif request is Request.DISARM:
             inputs.park = True
         elif request is Request.FAULT:
@@ -154,26 +156,45 @@ class Lifecycle:
 
     def _arm(self) -> None:
         """Switch the torque on, where the ladder and the loop permit it."""
-        ladder = self.loop.ladder
-        if self._ending:
-            self._emit("refused", "ARM: the run is ending")
-        elif not self.robot_answers:
-            # A start that waited for the robot would switch torque on minutes later, when somebody powers it.
-            self._emit("refused", "ARM: the robot is not there yet")
-        elif self.broken is not None:
-            self._emit("refused", f"ARM: no plan can be made: {self.broken}; end the run and start it again")
-        elif self._given_up is not None:
-            # The robot would stand up for no target that it could ever follow.
-            self._emit("refused", f"ARM: there is no planner: {self._given_up}; end the run and start it again")
+        ladder, reason = self.loop.ladder, self._cannot_stand
+        if reason is not None:
+            self._emit("refused", f"ARM: {reason}")
         elif ladder.state is State.FAULT:
             self._emit("refused", f"ARM: a fault is latched: {ladder.fault}; clear it first")
         elif ladder.state is not State.OFF:
             self._emit("refused", f"ARM: torque is on, the robot is in {ladder.state.name}")
         else:
             self._start()
+            self.loop.inputs.start = True
+
+    def _get_up(self) -> None:
+        """Let a robot that lies get up, where the ladder and the loop permit it."""
+        ladder, reason = self.loop.ladder, self._cannot_stand
+        if reason is not None:
+            self._emit("refused", f"{GET_UP}: {reason}")
+        elif ladder.state not in (State.OFF, State.FAULT):
+            self._emit("refused", f"{GET_UP}: torque is on, the robot is in {ladder.state.name}")
+        else:
+            self._start()
+            self.loop.inputs.get_up = True
+
+    @property
+    def _cannot_stand(self) -> str | None:
+        """Why torque must not go on, whatever the robot does; None where it may."""
+        if self._ending:
+            return "the run is ending"
+        if not self.robot_answers:
+            # A start that waited for the robot would switch torque on minutes later, when somebody powers it.
+            return "the robot is not there yet"
+        if self.broken is not None:
+            return f"no plan can be made: {self.broken}; end the run and start it again"
+        if self._given_up is not None:
+            # The robot would stand up for no target that it could ever follow.
+            return f"there is no planner: {self._given_up}; end the run and start it again"
+        return None
 
     def _start(self) -> None:
-        self._started = self.loop.inputs.start = True
+        self._started = True
         self._start_tick = self.loop.tick_count
         self._stream_start = None
 
@@ -194,6 +215,7 @@ class Lifecycle:
                 self._emit("note", f"no start: {self._withheld.name} was requested before it")
             elif self._arms:
                 self._start()
+                inputs.start = True
             else:
                 self._emit("note", "torque is off: the run waits to be armed (flexmotion arm, or the page)")
         if self._stream_start is None and loop.intake.playing is not None:

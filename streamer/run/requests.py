@@ -21,8 +21,8 @@ class Request(IntEnum):
     torque off. END: the same, and the end of the run. FAULT: an orderly end for the cause in `reason`. LOST: there is
     no planner; the plan that plays ends in its own stop, and `reason` is recorded as a fault. GIVEN_UP: the same, and
     there will be none: ARM is refused. LIMP, STIFF, REBOOT: torque or restart of the joints that `reason` names,
-    separated by commas (`flexmotion.streamer.control.joint_torque`). WARNING, NOTE: `reason` is recorded. QUIT: the end
-    at once; the driver is closed.
+    separated by commas (`flexmotion.streamer.control.joint_torque`). GET_UP: a robot that lies without torque gets up;
+    it clears the fault. WARNING, NOTE: `reason` is recorded. QUIT: the end at once; the driver is closed.
     """
 
     STOP = 1
@@ -41,6 +41,7 @@ class Request(IntEnum):
     LIMP = 14
     STIFF = 15
     REBOOT = 16
+    GET_UP = 17
 
 
 OF_JOINTS = (Request.LIMP, Request.STIFF, Request.REBOOT)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.configs.errors import ConfigError, GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.client import Client
-from flexmotion.streamer.gateway.connection import PATIENCE_S, StopAnswer, answer_in
+from flexmotion.streamer.gateway.connection import PATIENCE_S, StopAnswer, answer_in, patience_of
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.gateway.proofs import Prover
 from flexmotion.streamer.gateway.transports.extras import need
@@ -82,7 +82,7 @@ class ZenohClient(Client):
     def ask(self, message: Mapping[str, Any]) -> Answer:
         """See `Client.ask`."""
         _, text = self.message(message)
-        content = self._get("gateway", f"targets/{self.source}", text.encode())
+        content = self._get("gateway", f"targets/{self.source}", text.encode(), patience_of(message))
         answer = answer_in(json.dumps(content))
         if answer is None:
             raise GatewayError(f"{self._where}: the run sent what is no answer: {content}")
@@ -114,21 +114,21 @@ class ZenohClient(Client):
         """See `Messages.press`."""
         return StopAnswer.model_validate(self._get("stops", what, b""))
 
-    def _get(self, process: str, word: str, data: bytes) -> dict[str, Any]:
+    def _get(self, process: str, word: str, data: bytes, patience_s: float = PATIENCE_S) -> dict[str, Any]:
         """Ask one of the run's processes; returns its reply."""
         self._connect()
         assert self._zenoh is not None
         self._await(process)
         key = robot_key(self.robot, word)
         proof = None if self._prover is None else self._prover.prove(key, data)
-        for reply in self._zenoh.get(key, payload=data, attachment=proof, timeout=PATIENCE_S):
+        for reply in self._zenoh.get(key, payload=data, attachment=proof, timeout=patience_s):
             if reply.ok is not None:
                 content = json.loads(reply.ok.payload.to_bytes())
                 if content.get("state") == "refused" and word == "status":
                     reason = self.needs_token if self.token is None else content.get("reason")
                     raise GatewayError(f"{self._where}: refused: {reason}")
                 return dict(content)
-        raise GatewayError(f"{self._where}: no answer on {key} within {PATIENCE_S:g} s")
+        raise GatewayError(f"{self._where}: no answer on {key} within {patience_s:g} s")
 
     def _await(self, process: str) -> None:
         """Wait until one of the run's processes is seen: its keys are known a moment after the connection."""

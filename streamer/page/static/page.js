@@ -13,7 +13,7 @@ import { coded, doing } from "./words.js";
 
 const STATES = {
   OFF: ["torque off", ""], READY: ["ready", "good"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
-  PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], FAULT: ["fault", "bad"],
+  PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], GET_UP: ["getting up", "warn"], FAULT: ["fault", "bad"],
 };
 const EVENTS_KEPT = 40;
 const element = (id) => document.getElementById(id);

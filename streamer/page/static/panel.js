@@ -39,8 +39,10 @@ export class Panel {
 }
 
 // What to do in a state: [title, text]; null: nothing. other: the operator, if it is not this page.
-export function nextStep({ state, must_stop }, recovering, other) {
+export function nextStep({ state, must_stop, gets_up_from }, recovering, other) {
   const arm = "See that nobody is in its way, then arm it: it stands up.";
+  if (state === "GET_UP") return ["Getting up", "Keep away from it. STOP makes it give way."];
+  if (gets_up_from && recovering) return ["It lies", `Put it up by hand, clear the fault, then arm it; or let it get up from its ${gets_up_from}.`];
   if (state === "FAULT") return ["Fault", "The torque is off. Clear the fault, then arm the robot."];
   if (state === "DAMPED") return ["The robot fell", "It gives way, then its torque goes off."];
   if (state === "PARK") return ["Lowering itself", "Then its torque goes off."];
@@ -55,7 +57,7 @@ export function whyNot({ state, must_stop, loop }, other) {
   if (loop === "silent") return state ? "The run has ended" : "The run is starting";
   const reasons = {
     OFF: "Torque is off: arm it first", PARK: "Lowering itself: arm it then",
-    DAMPED: "The robot fell", FAULT: "Fault: clear it first",
+    GET_UP: "Getting up: wait until it stands", DAMPED: "The robot fell", FAULT: "Fault: clear it first",
   };
   if (reasons[state]) return reasons[state];
   if (must_stop) return "Stopped: release the stop first";

@@ -1,9 +1,11 @@
 // STOP and emergency stop: over the process of their own, and over the gateway where that does not answer. The way back:
-// release, clear, arm.
+// release, clear, arm; after a fall also: get up.
 
 const PATIENCE_MS = 700;
 const SETTLES_MS = 1000; // a button that comes into reach is not pressed by the second half of a double tap
-const NAMES = { stop: "STOP", estop: "EMERGENCY STOP", clear: "Clear", arm: "Arm", disarm: "Disarm" };
+const NAMES = { stop: "STOP", estop: "EMERGENCY STOP", clear: "Clear", arm: "Arm", disarm: "Disarm", getup: "Get up" };
+const MESSAGES = { release: { type: "clear" }, getup: { type: "clear", get_up: true } };
+const GETS_UP = "The robot gets up by itself now, with all its force. Is nobody within its reach, and nothing in its way?";
 
 export class Stops {
   // alarm(message, advice): shows what was not taken; alarm(null) hides it. tell(message): confirms a press.
@@ -11,10 +13,10 @@ export class Stops {
     Object.assign(this, { link, stopPort, alarm, tell });
     this.state = null;
     this.recovering = false; // after a fault, until the robot stands again
-    this.buttons = Object.fromEntries(["release", "clear", "arm", "disarm"].map((id) => {
+    this.fell = false; // this fault was a fall
+    this.buttons = Object.fromEntries(["release", "clear", "getup", "arm", "disarm"].map((id) => {
       const button = document.getElementById(id);
-      const asks = id === "release" ? "clear" : id;
-      button.onclick = () => this.ask(asks);
+      button.onclick = () => { if (id !== "getup" || confirm(GETS_UP)) this.ask(id); };
       return [id, { button, timer: null }];
     }));
     const stop = document.getElementById("stop");
@@ -57,23 +59,27 @@ export class Stops {
   }
 
   async ask(what) {
-    const answer = await this.link.send({ type: what });
+    const answer = await this.link.send(MESSAGES[what] ?? { type: what });
     if (answer.state === "accepted") this.alarm(null);
-    else this.alarm(`${NAMES[what]}: refused`, answer.reason);
+    else this.alarm(`${NAMES[what] ?? NAMES.clear}: refused`, answer.reason);
   }
 
   // After a STOP targets are refused until it is released; after a fault the torque stays off until the fault is cleared
   // and the robot is armed. Both steps are shown while the robot lowers itself.
-  show({ state, must_stop, cause, loop }) {
+  show({ state, must_stop, cause, loop, gets_up_from }) {
     this.state = state;
     if (["FAULT", "DAMPED"].includes(state) || (state === "PARK" && cause)) this.recovering = true;
-    if (["READY", "STREAMING", "HOLD"].includes(state)) this.recovering = false;
+    if (state === "DAMPED" || /^(fall|kill)\b/.test(cause ?? "")) this.fell = true;
+    if (["READY", "STREAMING", "HOLD"].includes(state)) this.recovering = this.fell = false;
+    const risen = state === "GET_UP";
     const silent = loop === "silent";
     const stopped = must_stop && ["READY", "STREAMING", "HOLD"].includes(state) && !cause;
     const stands = ["READY", "HOLD"].includes(state) && !must_stop && !cause;
     this.offer("release", !silent && stopped, state !== "STREAMING");
-    this.offer("clear", !silent && this.recovering, state === "FAULT");
-    this.offer("arm", !silent && (this.recovering || ["OFF", "PARK"].includes(state)), state === "OFF");
+    this.offer("clear", !silent && this.recovering && !risen, state === "FAULT");
+    const lies = this.fell && gets_up_from && ["OFF", "FAULT"].includes(state);
+    this.offer("getup", !silent && Boolean(lies), true);
+    this.offer("arm", !silent && !risen && (this.recovering || ["OFF", "PARK"].includes(state)), state === "OFF");
     this.offer("disarm", !silent && stands, true);
   }
 

@@ -21,6 +21,7 @@ REQUESTS = (
     "stop",
     "park",
     "clear",
+    "get_up",
     "estop",
     "kill",
     "plan_ready",
@@ -29,7 +30,7 @@ REQUESTS = (
     "fallen",
     "stands",
 )
-REASONS = ("fault", "bus_lost", "cut_off", "blocked")
+REASONS = ("fault", "bus_lost", "cut_off", "blocked", "get_up_failed")
 
 
 def one(name: str) -> Inputs:
@@ -49,6 +50,7 @@ def at(state: State) -> Ladder:
         State.PARK: [Inputs(start=True), Inputs(park=True)],
         State.DAMPED: [Inputs(start=True), Inputs(fallen=True)],
         State.FAULT: [Inputs(start=True), Inputs(kill=True)],
+        State.GET_UP: [Inputs(get_up=True)],
     }
     ladder = Ladder(FREEZES, RATE)
     for inputs in ways[state]:
@@ -58,13 +60,17 @@ def at(state: State) -> Ladder:
 
 
 MOVES = {
-    State.OFF: {"kill": State.FAULT, "start": State.READY},
+    State.OFF: {"kill": State.FAULT, "start": State.READY, "get_up": State.GET_UP},
     State.READY: {"park": State.PARK, "fault": State.PARK},
     State.STREAMING: {"plan_over": State.HOLD},
     State.HOLD: {"park": State.PARK, "fault": State.PARK, "plan_ready": State.STREAMING},
     State.PARK: {"move_done": State.OFF},
     State.DAMPED: {},
-    State.FAULT: {"clear": State.OFF},
+    State.FAULT: {"clear": State.OFF, "get_up": State.GET_UP},
+    State.GET_UP: {
+        **dict.fromkeys(("stop", "park", "fault", "get_up_failed"), State.DAMPED),
+        "move_done": State.READY,
+    },
 }
 """Inputs that change a state; all others do not."""
 EMERGENCIES = {
@@ -93,6 +99,10 @@ def test_one_input_in_one_state(state: State, name: str) -> None:
             expected = State.DAMPED
         if state is State.PARK and name in ("bus_lost", "blocked"):
             expected = State.PARK
+        if state is State.GET_UP and name in ("fallen", "blocked"):
+            expected = State.GET_UP  # it lies, and the ground is in the way of its joints
+        if state is State.GET_UP and name in ("estop", "bus_lost"):
+            expected = State.DAMPED
     ladder.step(one(name))
     assert ladder.state is expected
 
@@ -112,6 +122,7 @@ def test_without_inputs_no_state_changes(state: State) -> None:
             State.PARK: Playback.TO_REST,
             State.DAMPED: Playback.DAMP,
             State.FAULT: Playback.NOTHING,
+            State.GET_UP: Playback.GET_UP,
         }[state]
     )
 
@@ -136,7 +147,7 @@ def test_a_stop_in_the_tick_of_a_start_wins(stop: str) -> None:
         assert ladder.state is state and ladder.stopping
 
 
-@pytest.mark.parametrize("state", [s for s in POWERED if s is not State.DAMPED])
+@pytest.mark.parametrize("state", [s for s in POWERED if s not in (State.DAMPED, State.GET_UP)])
 def test_estop_freezes_then_parks_then_ends_in_fault(state: State) -> None:
     ladder = at(state)
     assert ladder.step(Inputs(estop=True)) is Playback.FREEZE
@@ -256,7 +267,7 @@ def test_a_fall_is_damped_then_off_and_latched() -> None:
     assert ladder.fault is not None and ladder.fault.startswith("fall")
 
 
-@pytest.mark.parametrize("state", [s for s in POWERED if s not in (State.DAMPED, State.PARK)])
+@pytest.mark.parametrize("state", [s for s in POWERED if s not in (State.DAMPED, State.PARK, State.GET_UP)])
 def test_a_robot_whose_servos_do_not_answer_is_held_for_a_bounded_time_then_lowered(state: State) -> None:
     """All torque was cut at once: answers were 20 ms late, every goal was heard, and the robot fell."""
     ladder = at(state)
@@ -269,7 +280,7 @@ def test_a_robot_whose_servos_do_not_answer_is_held_for_a_bounded_time_then_lowe
     assert (ladder.state, ladder.fault) == (State.FAULT, "gone")
 
 
-UPRIGHT = [state for state in POWERED if state not in (State.DAMPED, State.PARK)]
+UPRIGHT = [state for state in POWERED if state not in (State.DAMPED, State.PARK, State.GET_UP)]
 
 
 @pytest.mark.parametrize("state", UPRIGHT)
@@ -387,12 +398,13 @@ anything = st.builds(
     blocked=st.sampled_from([None] * 9 + ["knee"]),
     bus_lost=st.sampled_from([None] * 9 + ["gone"]),
     cut_off=st.sampled_from([None] * 19 + ["gone"]),
+    get_up_failed=st.sampled_from([None] * 9 + ["leans"]),
 )
 
 
 @settings(max_examples=150)
 @given(sequence=st.lists(anything, max_size=40))
-def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a_start(
+def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_on_request(
     sequence: list[Inputs],
 ) -> None:
     ladder = Ladder(FREEZES, RATE, freeze_s=0.03, damp_s=0.03)
@@ -400,9 +412,10 @@ def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a
         before, fault = ladder.state, ladder.fault
         playback = ladder.step(inputs)
         if fault is not None:
-            assert ladder.fault == fault or (before is State.FAULT and inputs.clear)
+            assert ladder.fault == fault or (before is State.FAULT and (inputs.clear or inputs.get_up))
         if before not in POWERED and ladder.state in POWERED:
-            assert before is State.OFF and inputs.start and fault is None
+            assert inputs.get_up or (before is State.OFF and inputs.start and fault is None)
+            assert not (inputs.stop or inputs.park or inputs.estop or inputs.kill)
         if ladder.state is State.FAULT:
             assert ladder.fault is not None
         if ladder.state in (State.OFF, State.FAULT):
@@ -415,3 +428,26 @@ def test_inputs_are_cleared_after_a_tick() -> None:
     inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", blocked="knee", bus_lost="gone", cut_off="gone")
     inputs.reset()
     assert inputs == Inputs()
+
+
+@pytest.mark.parametrize("against", ["stop", "park", "estop", "kill"])
+@pytest.mark.parametrize("state", [State.OFF, State.FAULT])
+def test_a_stop_in_the_same_tick_keeps_a_robot_that_lies_down(state: State, against: str) -> None:
+    ladder = at(state)
+    inputs = Inputs(get_up=True)
+    setattr(inputs, against, True)
+    ladder.step(inputs)
+    assert ladder.state in (State.OFF, State.FAULT)
+
+
+def test_a_robot_that_gets_up_clears_its_fault_and_latches_why_it_gave_up() -> None:
+    ladder = at(State.FAULT)
+    ladder.step(Inputs(get_up=True))
+    assert ladder.fault is None
+    ladder.step(Inputs(get_up_failed="get up: after step 3 of 7"))
+    assert ladder.state is State.DAMPED
+    for _ in range(round(2 * RATE)):
+        ladder.step(Inputs(get_up=True))
+    assert ladder.state is State.GET_UP, "and may be asked again, once its torque is off"
+    ladder.step(Inputs(estop=True, move_done=True))
+    assert ladder.state is State.DAMPED and str(ladder.fault).startswith("e-stop:")

@@ -122,6 +122,30 @@ def test_both_steps_back_are_shown_while_the_robot_lowers_itself(run: StandIn) -
     assert run.page.locator("#clear").is_disabled() and run.page.locator("#arm").is_disabled()
 
 
+def test_it_gets_up_only_after_a_fall_and_only_when_a_person_confirms_it(run: StandIn) -> None:
+    fall = "fall: torso tilted past the robot's limit"
+    run.status("FAULT", cause=CAUSE, gets_up_from="front")
+    usable(run, "#clear")
+    assert run.page.locator("#getup").is_hidden(), "it was parked, and has sunk onto its front"
+    run.status("FAULT", cause=fall)
+    run.page.wait_for_timeout(50)
+    assert run.page.locator("#getup").is_hidden(), "it lies on its side"
+    run.status("FAULT", cause=fall, gets_up_from="back")
+    usable(run, "#getup")
+    questions: list[str] = []
+    run.page.once("dialog", lambda dialog: (questions.append(dialog.message), dialog.dismiss()))
+    run.page.click("#getup")
+    assert "gets up by itself" in questions[0] and run.asked == []
+    run.page.once("dialog", lambda dialog: dialog.accept())
+    run.page.click("#getup")
+    run.until(lambda: run.asked, "it to be asked")
+    assert run.asked[0]["type"] == "clear" and run.asked[0]["get_up"] is True
+    run.status("GET_UP")
+    run.until(lambda: run.page.locator("#getup").is_hidden(), "the button to go")
+    assert run.page.locator("#clear").is_hidden() and run.page.locator("#arm").is_hidden()
+    assert run.page.locator("#stop").is_enabled() and run.page.locator("#estop").is_enabled()
+
+
 # ------------------------------------------------------------ everything in reach
 
 

@@ -1,0 +1,58 @@
+"""Whether the way in which a robot without torque stands or lies permits that it is armed, or gets up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.get_up import FILE
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.lying import lying_on
+from flexmotion.streamer.control.tick_row import TickRow
+
+_STILL = 0.3
+"""Angular velocity of the torso above which somebody moves the robot [rad/s]."""
+_BY_HAND = "put it into its rest pose by hand"
+
+
+def why_not_arm(robot: Robot, estimator: Estimator) -> str | None:
+    """Why a robot that has been watched for a while cannot stand up: it lies. None where it may."""
+    side = lying_on(estimator.tilt, robot.safety.fall_tilt)
+    if not estimator.has_imu or side is None:
+        return None
+    lies = f"the torso is tilted by {math.degrees(estimator.tilt_angle):.0f}°: the robot lies; {_BY_HAND}"
+    return f"{lies}, or let it get up: flexmotion clear --get-up" if side in robot.get_up else lies
+
+
+def gets_up_from(robot: Robot, row: TickRow) -> str | None:
+    """The side from which a robot without torque gets up on request, by a row of the loop; None: from none."""
+    if State(int(row.state)) not in (State.OFF, State.FAULT) or int(row.imu_stale) != 0:
+        return None
+    side = lying_on(row.tilt, robot.safety.fall_tilt)
+    return side if side in robot.get_up else None
+
+
+def why_not_get_up(robot: Robot, estimator: Estimator, gyro: NDArray[np.float64]) -> str | None:
+    """Why a robot must not get up by itself; None where it may.
+
+    Args:
+        gyro: measured angular velocity of the torso, (3,) [rad/s].
+    """
+    side = lying_on(estimator.tilt, robot.safety.fall_tilt)
+    if not robot.get_up:
+        return f"{robot.name} has no {FILE} in its folder, it does not get up by itself: {_BY_HAND}"
+    if not estimator.has_imu:
+        return f"without an IMU it is not known how the robot lies: {_BY_HAND}"
+    if side is None:
+        return "the robot does not lie: clear, then arm"
+    if side not in robot.get_up:
+        return (
+            f"the robot lies on its {side}, it gets up from its {' or '.join(robot.get_up)} alone: turn it over by hand"
+        )
+    if float(np.linalg.norm(gyro)) > _STILL:
+        return "the robot is being moved: let go of it, then ask again"
+    return None
