@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.tension import LIMBS
 from flexmotion.human.contacts import STATE_SIZE, ContactDetector
 from flexmotion.records import Record, column
 from flexmotion.retarget.steps import StepRecord, pack_steps
@@ -57,6 +58,8 @@ class RetargetState(Record):
     """Last unwrapped yaw of left foot, right foot and pelvis [rad]; NaN before the first human frame."""
     detector: Float = column("f8", STATE_SIZE)
     """State of the contact detector."""
+    tension: Float = column("f8", len(LIMBS))
+    """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
     ease: Float = column("f8", 2)
     """Pace of the human's clock and size of its motion with which the next plan begins; 1 and 1: nothing is eased."""
     drift: Float = column("f8")
@@ -112,7 +115,7 @@ class StateLayout:
         state.landed[...] = LONG_AGO
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
-        state.ease[...] = 1.0
+        state.tension[...] = state.ease[...] = 1.0
         state.part_until[...] = -np.inf
         state.drift[...] = np.nan
         return vector
