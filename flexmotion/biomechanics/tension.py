@@ -6,7 +6,7 @@ viscoelasticity of human multijoint arm and its spatial characteristics for inte
 Neuroscience 18(21), 1998). The torque that holds a limb against gravity is left out: a robot has it from its plan, at
 any stiffness. A limb in fast motion is counted as tense too: it is about to be slowed down.
 
-    tension = min(1, effort / `FULL_EFFORT` + speed / `FULL_SPEED`)
+    tension = min(1, max(effort / `FULL_EFFORT`, speed / `FULL_SPEED`))
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def limb_tension(motion: Motion) -> Float | None:
     root = len(ROOT_DOFS)
     beyond = (motion.torques[:, root:] - held[:, root:]) / _joint_strength(motion)
     effort = np.stack([np.linalg.norm(beyond[:, own], axis=1) for own in _COLUMNS], axis=1)
-    return np.minimum(effort / FULL_EFFORT + _speeds(motion, segments) / FULL_SPEED, 1.0)
+    return np.minimum(np.maximum(effort / FULL_EFFORT, _speeds(motion, segments) / FULL_SPEED), 1.0)
 
 
 def _joint_strength(motion: Motion) -> Float:
