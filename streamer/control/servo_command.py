@@ -232,7 +232,7 @@ class ServoCommand:
         kp: Float,
         stiffness: Float | None,
     ) -> None:
-        """Soften goals in place, which stay between their bounds; of joints that are silent they become stiff at once."""
+        """Soften goals in place; they stay between their bounds, and those of silent joints become stiff at once."""
         softness, silent = self.softness, measured.stale > 0
         self._rejoins |= silent & (softness.share < 1.0)
         speed = measured.velocity
@@ -240,9 +240,7 @@ class ServoCommand:
         relaxed = arrives + (torque + self.robot.back_emf * speed) / kp
         softness.soften(bounded, np.maximum(np.minimum(relaxed, bounds[1]), bounds[0]), stiffness, silent)
 
-    def _bounds(
-        self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float
-    ) -> tuple[Float, Float]:
+    def _bounds(self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float) -> tuple[Float, Float]:
         """Lowest and highest goal whose torque a servo may make at this state, (n,) each [rad].
 
         The measurement is old and the goal takes time to arrive: it must be inside the envelope for the joint as it was
