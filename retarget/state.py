@@ -58,8 +58,6 @@ class RetargetState(Record):
     """Last unwrapped yaw of left foot, right foot and pelvis [rad]; NaN before the first human frame."""
     detector: Float = column("f8", STATE_SIZE)
     """State of the contact detector."""
-    tension: Float = column("f8", len(LIMBS))
-    """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
     ease: Float = column("f8", 2)
     """Pace of the human's clock and size of its motion with which the next plan begins; 1 and 1: nothing is eased."""
     drift: Float = column("f8")
@@ -78,6 +76,8 @@ class RetargetState(Record):
     """Tick at which it is at the goal."""
     part_until: Float = column("f8", "channels")
     """Tick until which it holds."""
+    tension: Float = column("f8", len(LIMBS))
+    """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
 
 
 @dataclass(frozen=True)
