@@ -81,6 +81,9 @@ CATALOGUE = (
     Benchmark("robot/prompts", "30 min", (), "upright, or done, below 90 % (gestures), 80 % (locomotion)"),
     Benchmark("robot/sentences", "5 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("robot/hand_targets", "4 min", (), "hand off by 1.5 cm in 20 %, by 4 cm in 5 %; a touch, a fall"),
+    Benchmark(
+        "robot/tension", "4 min", (), "presses .8 of stiff arms or more, impact above 1.1; tracking above 1°; a fall"
+    ),
     Benchmark("robot/pace", "5 min", (), "at `gait.pace` below .4 of the way, .7 of its best speed, 90 % upright"),
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),

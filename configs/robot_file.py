@@ -265,6 +265,8 @@ class RobotFile(Strict):
 
     Attributes:
         version: of the file format; a file without this field has version 1.
+        least_stiffness: share of their stiffness with which arms and head follow a limb of the human that is not tense;
+            1: they always have all of it (`benchmarks/robot/tension.py`).
     """
 
     version: int = 1
@@ -282,4 +284,5 @@ class RobotFile(Strict):
     stand_pose: dict[str, float]
     rest_pose: dict[str, float]
     gait: Gait
+    least_stiffness: float = Field(default=1.0, ge=0.1, le=1.0)
     safety: SafetyLimits = SafetyLimits()

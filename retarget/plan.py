@@ -28,6 +28,7 @@ class Plan:
             tail.
         q, qd, qdd: joint reference, (T, n) [rad, rad/s, rad/s²].
         torque: joint torque of the reference under its planned ground forces, (T, n) [N·m].
+        stiffness: of each joint as a share of the robot file's, (T, n) in (0, 1]; 1: all of it.
         contacts: which feet carry load, (T, 2) bool.
         feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad].
         base: torso position and quaternion w x y z, (T, 7).
@@ -53,6 +54,7 @@ class Plan:
     qd: Float
     qdd: Float
     torque: Float
+    stiffness: Float
     contacts: NDArray[np.bool_]
     feet: Float
     base: Float

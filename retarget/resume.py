@@ -25,6 +25,7 @@ class BodyMotion:
         base: torso position and quaternion w x y z, (T, 7).
         q: joint angles, (T, n) [rad].
         offset: centre of mass minus torso, (T, 2) [m].
+        tension: of the human's limbs, (T, 3).
     """
 
     com: Float
@@ -33,6 +34,7 @@ class BodyMotion:
     base: Float
     q: Float
     offset: Float
+    tension: Float
 
 
 def resume_states(
@@ -52,6 +54,7 @@ def resume_states(
     states.com_offset = _row_before(before.com_offset, body.offset)
     states.position = _row_before(before.position, body.position)
     states.velocity = _row_before(before.velocity, body.velocity)
+    states.tension = _row_before(before.tension, body.tension)
     states.q, states.base = _two_rows_before(before.q, body.q), _two_rows_before(before.base, body.base)
     _write_steps(states, before, walk, rate_hz)
     if view is not None:

@@ -36,6 +36,7 @@ from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.retarget.state import RetargetState, StateLayout
+from flexmotion.retarget.stiffness import LimbStiffness
 from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.swing_check import SwingCheck
 from flexmotion.retarget.swing_effort import SwingEffort
@@ -103,6 +104,7 @@ class Retargeter:
         sole = float(robot.sole_half_size[:, 0].min())
         self.walks = WalkPlanner(self.footsteps, absorber, check, sole, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
+        self.stiffness = LimbStiffness(robot)
         self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
         self.legs = np.concatenate([leg.indices for leg in self.body.legs])
 
@@ -293,7 +295,10 @@ class Retargeter:
         source_s = np.full(rows, np.nan)
         if view is not None:
             source_s[: view.follow] = view.seconds(walk.ticks[: view.follow])
-        body = BodyMotion(com, position, velocity, base, q, offset)
+        led_joints = np.zeros(self.robot.n, np.bool_)
+        led_joints[self.body.upper.joints] = led[upper]
+        tension = self.stiffness.tension(now.tension, view, rows, led_joints)
+        body = BodyMotion(com, position, velocity, base, q, offset, tension)
         return Plan(
             start_tick=tick,
             stop_row=0 if view is None else view.follow,
@@ -302,6 +307,7 @@ class Retargeter:
             qd=qd,
             qdd=qdd,
             torque=torque,
+            stiffness=self.stiffness.shares(tension),
             contacts=schedule.contacts,
             feet=schedule.feet,
             base=base,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.tension import LIMBS
 from flexmotion.human.contacts import STATE_SIZE, ContactDetector
 from flexmotion.records import Record, column
 from flexmotion.retarget.steps import StepRecord, pack_steps
@@ -79,6 +80,8 @@ class RetargetState(Record):
     """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
     planted: Float = column("f8", 2)
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
+    tension: Float = column("f8", len(LIMBS))
+    """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,7 @@ class StateLayout:
         state.landed[...] = LONG_AGO
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
-        state.ease[...] = 1.0
+        state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
         state.drift[...] = np.nan
         return vector

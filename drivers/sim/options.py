@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexmotion.configs.robot_file import Vector
 from flexmotion.configs.schema import Strict
@@ -27,6 +27,26 @@ class RandomPushes(Strict):
     every_s: float = Field(gt=0)
     impulse: float = Field(gt=0)
     duration: float = Field(default=0.1, gt=0)
+
+
+class Plate(Strict):
+    """A fixed plate in the way, square and 2 cm thick.
+
+    Attributes:
+        position: centre of its face in the world [m].
+        normal: out of that face, of any length above 0.
+        half_size: half the length of its sides [m].
+    """
+
+    position: Vector
+    normal: Vector
+    half_size: float = Field(default=0.05, gt=0)
+
+    @model_validator(mode="after")
+    def _has_a_side(self) -> Self:
+        if not any(self.normal):
+            raise ValueError("normal is [0, 0, 0], expected a direction")
+        return self
 
 
 class SimOptions(Strict):
@@ -61,6 +81,7 @@ class SimOptions(Strict):
         false_readings: share of readings, of servos and IMU, that are false at random, as on the emulated bus
             (`flexmotion.drivers.random_errors`).
         pushes, random_pushes: pushes at the torso.
+        plates: fixed plates that are in the robot's way.
     """
 
     seed: int = Field(default=0, ge=0)
@@ -95,6 +116,7 @@ class SimOptions(Strict):
     false_readings: float = Field(default=0.0, ge=0, le=1)
     pushes: tuple[Push, ...] = ()
     random_pushes: RandomPushes | None = None
+    plates: tuple[Plate, ...] = ()
 
 
 PERTURBED = SimOptions(

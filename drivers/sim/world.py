@@ -12,10 +12,14 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.sim.imu import SENSORS
-from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.drivers.sim.options import Plate, SimOptions
 
 FLOOR = "floor"
 HOLDER = "holder"
+PLATE_HALF_THICKNESS = 0.01
+"""Of a plate in the way [m]."""
+PLATE_SOLREF = (0.02, 1)
+"""Time constant [s] and damping ratio of its contacts, MuJoCo's own: softer than the floor."""
 
 
 def build_model(robot: Robot, options: SimOptions) -> mujoco.MjModel:
@@ -28,6 +32,8 @@ def build_model(robot: Robot, options: SimOptions) -> mujoco.MjModel:
         spec.option.timestep = options.timestep
         _add_floor(spec, floor_quaternion(options))
         _add_holder(spec, robot.config.torso)
+        for number, plate in enumerate(options.plates):
+            _add_plate(spec, number, plate)
         if robot.config.imu is not None:
             _add_imu(spec, robot)
 
@@ -38,6 +44,11 @@ def build_model(robot: Robot, options: SimOptions) -> mujoco.MjModel:
     _scale_masses(model, robot, options)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+def plate_name(number: int) -> str:
+    """Name of the geom of a plate, by its place among the options' `plates`."""
+    return f"plate_{number}"
 
 
 def floor_quaternion(options: SimOptions) -> NDArray[np.float64]:
@@ -103,6 +114,21 @@ def _add_holder(spec: mujoco.MjSpec, torso: str) -> None:
     )
     anchor, position, quaternion, torque_scale = [0, 0, 0], [0, 0, 0], [1, 0, 0, 0], 1
     weld.data[:11] = [*anchor, *position, *quaternion, torque_scale]
+
+
+def _add_plate(spec: mujoco.MjSpec, number: int, plate: Plate) -> None:
+    out = np.array(plate.normal) / np.linalg.norm(plate.normal)
+    quaternion = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quaternion, out)
+    spec.worldbody.add_geom(
+        name=plate_name(number),
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[plate.half_size, plate.half_size, PLATE_HALF_THICKNESS],
+        pos=np.array(plate.position) - PLATE_HALF_THICKNESS * out,
+        quat=quaternion,
+        solref=PLATE_SOLREF,
+        rgba=[0.8, 0.5, 0.4, 1.0],
+    )
 
 
 def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -55,17 +55,25 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
     smoothly.
     """
-    human = human_model(motion.body)
+    still = segments_at_rest(motion)
+    return replace(
+        still,
+        acceleration=second_derivative(still.com, motion.fps),
+        angular_momentum_rate=_angular_momentum_rate(human_model(motion.body), still.rotation, motion.fps),
+    )
+
+
+def segments_at_rest(motion: Motion) -> SegmentMotion:
+    """The poses of a motion, each as if it were held: kinematics by MuJoCo, no acceleration."""
     position, com, rotation, anchor, axis = frame_arrays(motion, "xpos", "xipos", "xmat", "xanchor", "xaxis")
-    matrices = rotation.reshape(*position.shape, 3)
     hinges = hinge_index(motion.body)
     return SegmentMotion(
-        mass=human.model.body_mass.copy(),
+        mass=human_model(motion.body).model.body_mass.copy(),
         position=position,
-        rotation=matrices,
+        rotation=rotation.reshape(*position.shape, 3),
         com=com,
-        acceleration=second_derivative(com, motion.fps),
-        angular_momentum_rate=_angular_momentum_rate(human, matrices, motion.fps),
+        acceleration=np.zeros_like(com),
+        angular_momentum_rate=np.zeros_like(com),
         anchor=anchor[:, hinges],
         axis=axis[:, hinges],
     )

@@ -102,6 +102,7 @@ class ControlLoop:
         self._moves_slowly = False  # by `move`, whose reference advances by a tick with each that is done
         self._pins = np.full(robot.n, np.nan)  # goals that the driver has pinned
         self._load = np.zeros(robot.n)  # planned, of the goals in effect
+        self._judged = np.zeros(robot.n)  # goals with which joints are judged
         self._lead = driver.delay_s * robot.rate_hz
         self._waited_s = 0.0  # time that the last tick waited for servos to be switched on
         self._hardware_fault: str | None = None  # found on this tick
@@ -210,7 +211,9 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if state in _JUDGED:
             known = (measured.stale == 0) & ~self.joints.limp
-            self.obedience.update(self.command.position, self._load, measured.position, known)
+            # Judged as if every joint followed stiffly: one that is blocked is found as soon.
+            np.add(self.command.position, self.servo.softness.way, out=self._judged)
+            self.obedience.update(self._judged, self._load, measured.position, known)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
@@ -342,6 +345,7 @@ class ControlLoop:
             return
         if playback is Playback.FREEZE:
             self.now.qd[:] = 0.0
+            self.servo.softness.reset()
             self.driver.write(self.command)
             return
         plan = self.intake.plan if playback is Playback.PLAN else None
@@ -362,7 +366,15 @@ class ControlLoop:
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True
-        goals = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected, slow=plan is None)
+        goals = self.servo.update(
+            self.ahead.q,
+            self.ahead.qd,
+            self._load,
+            self.state,
+            expected,
+            stiffness=self.ahead.stiffness,
+            slow=plan is None,
+        )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
@@ -399,7 +411,7 @@ class ControlLoop:
         writer.write_plan(intake.playing)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
-        writer.write_reference(now, self.command)
+        writer.write_reference(now, self.command, self.servo.softness)
         if now.balanced:
             writer.write_balance(now, self.estimator, self.stabiliser)
         if intake.plan is not None and playback is Playback.PLAN:

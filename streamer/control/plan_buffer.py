@@ -95,6 +95,7 @@ class PlanRows(Record):
     qd: Float = column("f8", "joints")
     qdd: Float = column("f8", "joints")
     torque: Float = column("f8", "joints")
+    stiffness: Float = column("f8", "joints")
     feet: Float = column("f8", 2, 4)
     base: Float = column("f8", 7)
     com: Float = column("f8", 3)

@@ -68,6 +68,7 @@ class PostureMove:
         knot = min(int(place), _KNOTS - 2)
         before, following = self._torque[knot], self._torque[knot + 1]
         np.copyto(reference.torque, before + (place - knot) * (following - before))
+        reference.stiffness.fill(1.0)
         reference.balanced = False
         self.tick = min(self.tick + 1, self.ticks)
 

@@ -15,6 +15,7 @@ class Reference:
 
     Attributes:
         q, qd, torque: (n,) [rad, rad/s, N·m].
+        stiffness: share of the robot file's stiffness with which each joint follows, (n,) in (0, 1].
         feet: sole centres and yaw, (2, 4) [m, m, m, rad]; contacts: (2,) bool; share: part of the load on the right
             foot.
         base: torso position [m] and quaternion w x y z, (7,).
@@ -24,6 +25,7 @@ class Reference:
 
     def __init__(self, n: int) -> None:
         self.q, self.qd, self.torque = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.stiffness = np.ones(n)
         self.feet, self.contacts, self.share = np.zeros((2, 4)), np.ones(2, np.bool_), 0.5
         self.base = np.array([0.0, 0, 0, 1, 0, 0, 0])
         self.com, self.dcm, self.zmp = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -35,7 +37,7 @@ class Reference:
         row = int(min(max(place, 0.0), last))
         following = min(row + 1, last)
         part = min(max(place - row, 0.0), 1.0)
-        for name in ("q", "qd", "torque", "feet"):
+        for name in ("q", "qd", "torque", "stiffness", "feet"):
             rows = getattr(plan, name)
             np.multiply(rows[following] - rows[row], part, out=getattr(self, name))
             getattr(self, name)[...] += rows[row]
@@ -49,6 +51,6 @@ class Reference:
 
     def copy(self, other: Reference) -> None:
         """Copy the joints of another reference (a slow move needs no look-ahead)."""
-        for name in ("q", "qd", "torque"):
+        for name in ("q", "qd", "torque", "stiffness"):
             getattr(self, name)[:] = getattr(other, name)
         self.balanced = other.balanced

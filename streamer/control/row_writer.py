@@ -12,6 +12,7 @@ from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.reference import Reference
+from flexmotion.streamer.control.soft_following import SoftFollowing
 from flexmotion.streamer.control.stabiliser import Stabiliser
 from flexmotion.streamer.control.tick_row import REPAIRS, TickRow
 
@@ -80,10 +81,10 @@ class RowWriter:
         row.tick[...], row.state[...], row.tilt[...] = tick, state, estimator.tilt
         row.contact_ref[...] = False
 
-    def write_reference(self, now: Reference, command: JointCommand) -> None:
+    def write_reference(self, now: Reference, command: JointCommand, softness: SoftFollowing) -> None:
         """Reference and goals, while torque is on."""
         row = self.row
-        row.q_cmd[...] = command.position
+        row.q_cmd[...], row.stiffness[...] = command.position, softness.share
         row.q_ref[...], row.qd_ref[...], row.torque_ref[...] = now.q, now.qd, now.torque
 
     def write_balance(self, now: Reference, estimator: Estimator, stabiliser: Stabiliser) -> None:

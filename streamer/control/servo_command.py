@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.masks import some
+from flexmotion.streamer.control.soft_following import SoftFollowing
 
 Float = NDArray[np.float64]
 
@@ -58,6 +59,7 @@ class ServoCommand:
         goal: servo goals, (n,) [rad].
         offset: what disturbances have left in the goals, (n,) [rad].
         cap: greatest torque that the goal of a joint may imply, (n,) [N·m]; infinite: what its servo can give.
+        softness: with which share of their stiffness the joints follow.
         position_clamps, torque_clamps: how many joints were clamped in the last tick.
     """
 
@@ -66,6 +68,7 @@ class ServoCommand:
         self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self.offset = np.zeros(robot.n)
         self.cap = np.full(robot.n, np.inf)
+        self.softness = SoftFollowing(robot.n, robot.rate_hz, turns)
         self.position_clamps = self.torque_clamps = 0
         self._velocity = np.zeros(robot.n)
         nominal = robot.nominal_voltage
@@ -83,6 +86,7 @@ class ServoCommand:
         """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
         np.copyto(self.goal, position)
         self._velocity[:] = self.offset[:] = 0.0
+        self.softness.reset()
         self._trust[:] = 1.0
         self._doubts = False
         self._supply[:] = np.nan
@@ -99,6 +103,7 @@ class ServoCommand:
         if not some(pinned):
             return
         np.copyto(self.goal, pins, where=pinned)
+        np.copyto(self.softness.way, 0.0, where=pinned)
         self._rejoins |= pinned
 
     def update(
@@ -109,6 +114,7 @@ class ServoCommand:
         measured: RobotState,
         expected: Float | None = None,
         *,
+        stiffness: Float | None = None,
         slow: bool = False,
     ) -> Float:
         """Goals for a reference.
@@ -117,6 +123,7 @@ class ServoCommand:
             q, qd, torque: the reference, (n,) each [rad, rad/s, N·m].
             measured: the joints' state.
             expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
+            stiffness: share of the robot file's that is asked for, (n,) in (0, 1]; None: all of it.
             slow: the reference is a slow move, which silent joints follow for as long as it takes (a robot whose bus is
                 lost is lowered).
 
@@ -140,15 +147,18 @@ class ServoCommand:
             np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
         if back is not None:
             np.copyto(self._velocity, measured.velocity, where=back)
-        bounded = self._bounded(goal, measured.position, measured.velocity, kp, supply, usable)
+        lowest, highest = self._bounds(measured.position, measured.velocity, kp, supply, usable)
+        bounded = np.maximum(np.minimum(goal, highest), lowest)
+        self.torque_clamps = int(np.count_nonzero(bounded != goal))
+        self._soften(bounded, (lowest, highest), torque, measured, kp, stiffness)
         if back is not None:
             back &= ~self._rejoins  # those begin at their goals anyway
         self._settle(bounded)
         if expected is not None and back is not None and some(back):
-            assumed = self._bounded(goal, expected, qd, kp, supply, usable)
+            lowest, highest = self._bounds(expected, qd, kp, supply, usable)
+            assumed = np.maximum(np.minimum(goal, highest), lowest)
             self.offset[back] += (assumed - bounded)[back]
         np.copyto(self._velocity, measured.velocity)
-        self.torque_clamps = int(np.count_nonzero(bounded != goal))
         # One reference that is no number must not stay in the offset, which would hold the joint for good.
         if some(self.offset):
             np.copyto(self.offset, 0.0, where=~np.isfinite(self.offset))
@@ -217,8 +227,25 @@ class ServoCommand:
         np.copyto(self._supply, np.where(known, np.clip(supply, self._supply - step, self._supply + step), supply))
         return self._supply
 
-    def _bounded(self, goal: Float, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float) -> Float:
-        """The goals nearest to `goal` whose torque a servo may make at this state, (n,) [rad].
+    def _soften(
+        self,
+        bounded: Float,
+        bounds: tuple[Float, Float],
+        torque: Float,
+        measured: RobotState,
+        kp: Float,
+        stiffness: Float | None,
+    ) -> None:
+        """Soften goals in place; they stay between their bounds, and those of silent joints become stiff at once."""
+        softness, silent = self.softness, measured.stale > 0
+        self._rejoins |= silent & (softness.share < 1.0)
+        speed = measured.velocity
+        arrives = measured.position + 2.0 * self.delay * speed
+        relaxed = arrives + (torque + self.robot.back_emf * speed) / kp
+        softness.soften(bounded, np.maximum(np.minimum(relaxed, bounds[1]), bounds[0]), stiffness, silent)
+
+    def _bounds(self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float) -> tuple[Float, Float]:
+        """Lowest and highest goal whose torque a servo may make at this state, (n,) each [rad].
 
         The measurement is old and the goal takes time to arrive: it must be inside the envelope for the joint as it was
         measured, and as it will be if its speed changes on at the same rate.
@@ -229,11 +256,13 @@ class ServoCommand:
         velocities[0], velocities[1] = velocity, later
         lows, highs = self._envelope(positions, velocities, kp, supply, usable)
         lowest, highest = np.maximum(*lows), np.minimum(*highs)
-        bounded = np.maximum(np.minimum(goal, highest), lowest)
         apart = lowest > highest
         if some(apart):  # a fast joint with a low cap: no goal is within it at both, this one is as it was measured
-            np.copyto(bounded, np.clip(bounded, lows[0], highs[0]), where=apart & np.isfinite(self.cap))
-        return bounded
+            apart &= np.isfinite(self.cap)
+            nearest = np.clip(lowest, lows[0], highs[0])
+            np.copyto(lowest, nearest, where=apart)
+            np.copyto(highest, nearest, where=apart)
+        return lowest, highest
 
     def _envelope(
         self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float | None

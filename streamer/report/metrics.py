@@ -141,6 +141,7 @@ class MotionFigures:
         robot_went: displacement from the source's first frame until the robot stands again.
         human_went: displacement of the human over the part that was followed, scaled to the robot's legs.
         behind_m: how far from there the robot was with the source's last frame: its lag.
+        limb_stiffness: mean share of the robot file's stiffness with which arms and head followed.
     """
 
     fell: bool
@@ -154,6 +155,7 @@ class MotionFigures:
     behind_m: float | None
     heading_rms_rad: float | None
     hand_error_share: float | None
+    limb_stiffness: float | None
     self_collisions: int | None
 
 
@@ -237,6 +239,13 @@ def hand_error_share(hand_error: Float, arm_length: float) -> float | None:
     return float(np.median(within)) / arm_length if len(within) and arm_length > 0 else None
 
 
+def limb_stiffness(stiffness: Float, legs: NDArray[np.int64]) -> float | None:
+    """Mean of shares (T, n) over the joints that are no legs; None: no goals were sent, or there are no such joints."""
+    limbs = np.delete(stiffness, legs, axis=1)
+    known = limbs[np.isfinite(limbs)]
+    return float(known.mean()) if len(known) else None
+
+
 def episodes(touching: Mask, gap: int) -> int:
     """Number of runs of True in (T,); runs at most `gap` ticks apart count as one."""
     ticks = np.flatnonzero(touching)
@@ -296,6 +305,7 @@ def motion_figures(
         behind_m=behind,
         heading_rms_rad=heading_error,
         hand_error_share=hand_error_share(record.hand_error[rows][playing], robot.arm_length),
+        limb_stiffness=limb_stiffness(record.stiffness[rows][playing], robot.legs),
         self_collisions=(
             episodes(record.true_self_contact[rows], int(EPISODE_GAP_S * record.rate_hz)) if known.any() else None
         ),

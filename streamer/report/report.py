@@ -123,6 +123,7 @@ class MotionSection(Section):
     steps_inserted: int
     steps_dropped: int | None
     hand_error_share: Maybe
+    limb_stiffness: Maybe
     self_collisions: int | None
 
 

@@ -136,6 +136,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("behind", show(m.behind_m, "m", 1.0, 2), "the human's place, scaled, with the source's last frame"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
         ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
+        ("arm stiffness", show(m.limb_stiffness, "%", 100, 0), "mean, of arms and head; less where the human is slack"),
         ("steps", f"{m.steps_planned}", steps),
         ("effort", _effort(report), "correlation of the human's torques with the robot's, all joints"),
         ("self-collisions", collisions, "separate touches of two links"),

@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.smoothing import BALL_JOINTS
 from flexmotion.biomechanics.sole import BREADTH
+from flexmotion.biomechanics.strength import STRENGTH
 from flexmotion.human.angles import three_angle_rotation, three_angles
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_spec
@@ -42,23 +43,6 @@ BALL_SEGMENTS = {
 
 CORNERS = 4
 """Contact points of a foot: heel left and right, toes left and right."""
-
-STRENGTH: Mapping[str, float] = {
-    "lumbar": 5.0,
-    "neck": 1.0,
-    "hip": 5.0,
-    "knee": 5.0,
-    "ankle": 4.5,
-    "shoulder": 2.0,
-    "elbow": 1.5,
-    "forearm": 0.3,
-}
-"""Greatest torque about each axis per body mass [N·m/kg].
-
-Legs: peaks of sprinting, 4 to 5 at hip and knee, 4 at the ankle (Schache et al., Med. Sci. Sports Exerc. 43(7), 2011).
-Trunk and arms: greatest isometric strength of strong adults, about 350 N·m at the lumbar joint, 70 N·m at the neck,
-140 N·m at the shoulder, 100 N·m at the elbow, 20 N·m in pronation.
-"""
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,11 @@ from flexmotion.biomechanics.ground_reaction import GROUND
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.simulation.perturbation import LOADED_SEGMENTS, Perturbation, PerturbationRanges, drawn
 from flexmotion.biomechanics.simulation.reference import Floor, corner_positions, reference
-from flexmotion.biomechanics.simulation.tracking_model import STRENGTH, TRACKING, tracking_model
+from flexmotion.biomechanics.simulation.tracking_model import TRACKING, tracking_model
 from flexmotion.biomechanics.simulation.variant import PULL, PerturbedMotion, TrackingFailedError, perturbed, projected
 from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
 from flexmotion.biomechanics.sole import sole_grid
+from flexmotion.biomechanics.strength import STRENGTH
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.spatial.transitions import minimum_jerk
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
@@ -99,6 +101,22 @@ def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = Fals
     return plan
 
 
+def soft_plan(robot: Robot, retargeter: Retargeter, tick: int, share: float, lifts: float = 0.0) -> Plan:
+    """A plan whose arms follow with a share of their stiffness; its last rows are stiff, as those of every plan.
+
+    From row 40 on the left shoulder turns by `lifts` within half a second.
+    """
+    plan = plan_at(retargeter, tick)
+    stiffness = np.ones_like(plan.q)
+    stiffness[:-40, arms(robot)] = share
+    plan.q[:, robot.index("l_sho_pitch")] += lifts * minimum_jerk((np.arange(len(plan)) - 40.0) / 60.0)
+    return replace(plan, stiffness=stiffness)
+
+
+def arms(robot: Robot) -> list[int]:
+    return [joint for side in ("left", "right") for joint in robot.chain(f"{side}_arm").values()]
+
+
 def test_in_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
     run(20)
     assert loop.ladder.state is State.OFF and loop.tick_count == 20
@@ -150,6 +168,56 @@ def test_a_new_plan_leads_from_hold_back_to_streaming(
     offer(loop, retargeter.plan(plan.states[-1], None, 0, loop.tick_count), resumed=1)
     run(2)
     assert loop.ladder.state is State.STREAMING
+
+
+@pytest.mark.usefixtures("ready")
+def test_the_stiffness_that_acts_is_recorded_and_the_robot_holds_with_all_of_it(
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter, op3: Robot
+) -> None:
+    offer(loop, soft_plan(op3, retargeter, loop.tick_count, 0.3))
+    until(lambda: loop.ladder.state is State.HOLD)
+    run(20)
+    rows = TickRow(loop.telemetry.ticks.reader().read())
+    own, legs = arms(op3), np.setdiff1d(np.arange(op3.n), arms(op3))
+    sent = np.isfinite(rows.q_cmd).all(axis=1)
+    stiffness = rows.stiffness[sent]
+    assert stiffness[:, own].min() == pytest.approx(0.3) and (stiffness[:, legs] == 1.0).all()
+    assert (stiffness[-1] == 1.0).all() and np.isnan(rows.stiffness[~sent]).all()
+    assert np.abs(np.diff(stiffness, axis=0)).max() < 0.05
+    assert loop.driver.violations == 0
+
+
+@pytest.mark.usefixtures("ready")
+def test_soft_arms_are_frozen_by_an_emergency_stop_and_parked_without_a_jump(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, op3: Robot
+) -> None:
+    offer(loop, soft_plan(op3, retargeter, loop.tick_count, 0.3))
+    run(60)
+    assert loop.servo.softness.share[arms(op3)].max() < 0.5
+    goals = loop.command.position.copy()
+    run(1, estop=True)
+    np.testing.assert_array_equal(loop.command.position, goals)
+    np.testing.assert_array_equal(loop.servo.softness.share, 1.0)
+    before = goals
+    while loop.ladder.state not in (State.OFF, State.FAULT):
+        run(1)
+        assert np.abs(loop.command.position - before)[arms(op3)].max() < np.radians(3.0)
+        before = loop.command.position.copy()
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+@pytest.mark.usefixtures("ready")
+def test_a_blocked_arm_is_found_however_soft_it_is(
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter, share: float
+) -> None:
+    """Soft goals alone would never ask for the torque by which a joint that is held is recognised."""
+    robot, driver = loop.robot, loop.driver
+    assert isinstance(driver, SimDriver)
+    offer(loop, soft_plan(robot, retargeter, loop.tick_count, share, lifts=-0.8))
+    run(40)
+    driver.block(robot.index("l_sho_pitch"), True)
+    until(lambda: loop.ladder.state is not State.STREAMING)
+    assert loop.ladder.fault is not None and "does not follow its goals" in loop.ladder.fault
 
 
 @pytest.mark.parametrize("plan", [False, True])

@@ -217,3 +217,70 @@ def test_a_goal_implies_no_more_than_the_cap_of_its_joint_and_never_more_than_wi
     assert (implied[inside] <= cap[inside] + 1e-9).all()
     most = np.maximum(BRAKING_SHARE * ROBOT.stall_torque, ROBOT.usable_torque)
     assert (implied[inside] <= most[inside] + 1e-9).all()
+
+
+@given(
+    q=each(-2, 2),
+    qd=each(-4, 4),
+    torque=each(-2, 2),
+    share=each(0.1, 1),
+    place=each(0, 1),
+    velocity=each(-4, 4),
+)
+def test_a_softer_joint_is_asked_for_less_beyond_the_plan_and_stays_in_the_envelope(
+    q: np.ndarray, qd: np.ndarray, torque: np.ndarray, share: np.ndarray, place: np.ndarray, velocity: np.ndarray
+) -> None:
+    state = measured(ROBOT.lower + place * (ROBOT.upper - ROBOT.lower), velocity, 12.0)
+    stiff, soft = ServoCommand(ROBOT, DELAY), ServoCommand(ROBOT, DELAY)
+    for _ in range(40):
+        stiff.update(q, qd, torque, state)
+        soft.update(q, qd, torque, state, stiffness=share)
+    arrives = state.position + 2 * DELAY * velocity
+    relaxed = arrives + (torque + ROBOT.back_emf * velocity) / ROBOT.kp
+    low, high = np.minimum(relaxed, stiff.goal), np.maximum(relaxed, stiff.goal)
+    inside = (relaxed > ROBOT.lower) & (relaxed < ROBOT.upper)
+    # A relaxed goal outside the envelope is bounded to it as well: the soft one is still no further out.
+    assert (soft.goal >= low - 1e-9)[inside].all() and (soft.goal <= high + 1e-9)[inside].all()
+    implied = ROBOT.kp * (soft.goal - state.position) - ROBOT.back_emf * velocity
+    free = (soft.goal > ROBOT.lower) & (soft.goal < ROBOT.upper)
+    assert (
+        np.abs(implied[free]) <= np.maximum(BRAKING_SHARE * ROBOT.stall_torque, ROBOT.usable_torque)[free] + 1e-9
+    ).all()
+
+
+def test_a_blocked_joint_is_pushed_with_the_share_of_the_torque_however_far_its_goal_is() -> None:
+    """A stiff OP3 pushes with all that its servo gives from 8 degrees on: less gain in the servo would not help."""
+    state, zero, ahead = measured(ROBOT.stand_pose, voltage=12.0), np.zeros(N), np.zeros(N)
+    shoulder = ROBOT.index("l_sho_pitch")
+    ahead[shoulder] = 0.6
+    command = ServoCommand(ROBOT, DELAY)
+    for _ in range(60):
+        command.update(ROBOT.stand_pose + ahead, zero, zero, state, stiffness=np.full(N, 0.3))
+    pushes = ROBOT.kp * (command.goal - state.position)
+    assert pushes[shoulder] == pytest.approx(0.3 * ROBOT.usable_torque[shoulder])
+
+
+def test_a_soft_joint_that_falls_silent_is_stiff_without_a_jump_of_its_goal() -> None:
+    state, zero, stiffness = measured(ROBOT.stand_pose, voltage=12.0), np.zeros(N), np.full(N, 0.3)
+    shoulder = ROBOT.index("l_sho_pitch")
+    target = ROBOT.stand_pose.copy()
+    target[shoulder] += 0.1
+    command = ServoCommand(ROBOT, DELAY)
+    command.reset(ROBOT.stand_pose)
+    for _ in range(60):
+        command.update(target, zero, zero, state, stiffness=stiffness)
+    goals = [command.goal[shoulder]]
+    for tick in range(1, 4):
+        state.stale[shoulder] = tick
+        goals.append(command.update(target, zero, zero, state, stiffness=stiffness)[shoulder])
+    assert command.softness.share[shoulder] == 1.0 and goals[-1] > goals[0]
+    assert np.abs(np.diff(goals)).max() <= np.radians(0.6)
+
+
+def test_all_of_the_stiffness_gives_the_goals_of_a_command_that_knows_no_share() -> None:
+    state, speed = measured(ROBOT.stand_pose + 0.05, voltage=11.5), np.full(N, 0.4)
+    one, other = ServoCommand(ROBOT, DELAY), ServoCommand(ROBOT, DELAY)
+    for _ in range(5):
+        one.update(ROBOT.stand_pose, speed, 0.2 * speed, state)
+        other.update(ROBOT.stand_pose, speed, 0.2 * speed, state, stiffness=np.ones(N))
+        np.testing.assert_array_equal(one.goal, other.goal)

@@ -107,6 +107,13 @@ def test_hand_error_ignores_what_is_out_of_reach() -> None:
     assert metrics.hand_error_share(np.full((3, 2), np.nan), 0.2) is None
 
 
+def test_limb_stiffness_is_that_of_joints_beside_the_legs_while_goals_are_sent() -> None:
+    shares, legs = np.array([[np.nan] * 3, [1.0, 0.5, 0.3], [1.0, 0.7, 0.1]]), np.array([0])
+    assert metrics.limb_stiffness(shares, legs) == pytest.approx(0.4)
+    assert metrics.limb_stiffness(shares[:1], legs) is None
+    assert metrics.limb_stiffness(shares, np.arange(3)) is None
+
+
 @pytest.mark.parametrize(
     ("pattern", "expected"), [("....", 0), ("####", 1), ("#..#", 1), ("#...#", 1), ("#....#", 2), (".##......#.", 2)]
 )
