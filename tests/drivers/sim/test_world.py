@@ -6,8 +6,8 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.sim.options import SimOptions
-from flexmotion.drivers.sim.world import build_model, start_qpos
+from flexmotion.drivers.sim.options import Plate, SimOptions
+from flexmotion.drivers.sim.world import build_model, plate_name, start_qpos
 
 
 def test_mismatch_of_masses(op3: Robot) -> None:
@@ -41,3 +41,20 @@ def test_the_start_puts_both_soles_flat_on_the_floor(op3: Robot, slope: tuple[fl
         rotation = data.xmat[foot].reshape(3, 3)
         np.testing.assert_allclose(rotation[:, 2], normal, atol=1e-6)
         assert normal @ (data.xpos[foot] + rotation @ op3.soles[side]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_plate_faces_the_way_of_its_normal(op3: Robot) -> None:
+    plate = Plate(position=(0.3, 0.1, 0.4), normal=(-2.0, 0.0, 0.0), half_size=0.06)
+    model = build_model(op3, SimOptions(plates=(plate,)))
+    data, geom = mujoco.MjData(model), model.geom(plate_name(0)).id
+    mujoco.mj_kinematics(model, data)
+    out = data.geom_xmat[geom].reshape(3, 3)[:, 2]
+    np.testing.assert_allclose(out, [-1.0, 0.0, 0.0], atol=1e-12)
+    face = data.geom_xpos[geom] + model.geom_size[geom, 2] * out
+    np.testing.assert_allclose(face, plate.position, atol=1e-12)
+    np.testing.assert_allclose(model.geom_size[geom, :2], 0.06)
+
+
+def test_a_plate_without_a_side_is_refused() -> None:
+    with pytest.raises(ValueError, match="normal is .* expected a direction"):
+        Plate(position=(0.3, 0.0, 0.4), normal=(0.0, 0.0, 0.0))
