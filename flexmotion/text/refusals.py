@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from flexmotion.text.amounts import tokens_of
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
@@ -9,12 +11,19 @@ from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, stem, taught
 
+_FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) (?!to )")
+"""Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
+_INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next|other) [a-z]+")
+"""One of several repetitions: "on the second bow"."""
+
 
 def refusal_of(words: list[str]) -> str | None:
     """Why the words alone tell that a request cannot be done; None where they do not."""
     known = vocabulary()
     verb = next((word for word in words if word in known.verbs), None)
     text = f" {' '.join(words)} "
+    if came := _FROM_SIDE.search(text):
+        return f"{came[0].strip()!r}: a place: the robot knows none"
     if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
@@ -24,6 +33,8 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{words[0]!r}: no model and no robot of this project does that"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
+    if instance := _INSTANCE.search(text):
+        return unbounded(instance[0].strip(), None)
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
     feet = [word for word in words if stem(word) in known.words("feet_motions")]
     if len(named) + bool(feet) > 1:
@@ -53,7 +64,10 @@ def _walking_refusal(words: list[str], text: str) -> str | None:
     """Why a walk or a turn is none that the robot could make."""
     known = vocabulary()
     first = words[0] if words else ""
-    if first not in known.words("paths") or known.words("limbs") & set(words):
+    steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
+    if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
+        steps = True  # its steps are counted: "make four steps on the spot"
+    if (first not in known.words("paths") and not steps) or known.words("limbs") & set(words):
         return None
     one_side = len(sides(text)) == 1
     for phrase in known.phrases("shapes"):
@@ -95,6 +109,12 @@ def is_no_stand(text: str) -> bool:
     told = taught().get(plain(tokens_of(text)))
     first = next((stem(word) for word in words if stem(word) in vocabulary().verbs), None)
     return told != STAND and (told == NOTHING or first in vocabulary().words("unlike_standing"))
+
+
+def moves_feet(text: str) -> bool:
+    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet"."""
+    words = text.split()
+    return words[:1] == ["move"] and bool(vocabulary().words("feet_words") & set(words[1:]))
 
 
 def is_turning(text: str) -> bool:

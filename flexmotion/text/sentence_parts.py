@@ -111,6 +111,11 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             parts[-1].dropped.append(plain(tokens[place:end]))
             place = end
             continue
+        if parts[-1].tokens and _pauses_between(tokens, place):
+            end = _next_joint(tokens, place)
+            parts[-1].dropped.append(plain(tokens[place:end]))
+            place = end
+            continue
         if token == "while":  # "while walking, wave"
             end = _next_joint(tokens, place + 1)
             parts[-1].dropped.append(plain(tokens[place:end]))
@@ -185,6 +190,14 @@ def _excepts(tokens: list[Token], place: int) -> bool:
     if tokens[place] != "without" or not isinstance(following, str) or stem(following) == following:
         return False
     return WITHOUT_TURNING.match(f"without {following}") is None
+
+
+def _pauses_between(tokens: list[Token], place: int) -> bool:
+    """Whether a pause between repetitions begins at a token: "with a pause of a second between them"."""
+    rest = tokens[place : _next_joint(tokens, place)]
+    pauses = vocabulary().words("pauses")
+    opens = rest[:1] == ["with"] or (len(rest) > 0 and rest[0] in pauses and stem(str(rest[0])) != rest[0])
+    return opens and "between" in rest and any(token in pauses for token in rest)
 
 
 def _runs_on(tokens: list[Token], place: int, before: list[Token]) -> bool:

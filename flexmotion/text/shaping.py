@@ -9,6 +9,9 @@ from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
+TO_WHICH_SIDE = "turning: to the left or to the right?"
+"""Refusal of a turn without a side."""
+
 
 def shaped(
     words: list[str], amount: Amount | None, times: int, counted: bool
@@ -34,7 +37,7 @@ def shaped(
     if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
         full = amount is not None and abs(amount.value) % pi < 1e-6
         if len(sides(text)) != 1 and not full:
-            return words, amount, "turning: to the left or to the right?"
+            return words, amount, TO_WHICH_SIDE
         return turning_words(text), amount, None
     direction = [word for word in words if word in known.words("directions")]
     if verb == "back" and quantity in ("steps", "length"):

@@ -23,9 +23,12 @@ from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
+from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
-from flexmotion.text.refusals import is_no_stand, is_turning, names_head
+from flexmotion.text.questions import QUESTION
+from flexmotion.text.refusals import is_no_stand, is_turning, moves_feet, names_head
+from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
 
 
@@ -158,8 +161,8 @@ class Hearing:
         forbidden: list[str] = []
         for clause in (one for one in clauses if one.forbidden):
             prompt = self.model.prompt(clause.text) if clause.text else None
-            if is_turning(clause.text):
-                forbidden += vocabulary().table["turns"]
+            if (stays := moves_feet(clause.text)) or is_turning(clause.text):
+                forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
                 continue
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
@@ -212,7 +215,7 @@ class Hearing:
     ) -> list[Step]:
         if clause.refusal is not None:
             prompt = self.model.prompt(clause.text)
-            told = prompt.warning if clause.refusal == NO_KNOWN_WORD and not prompt.known else None
+            told = prompt.warning if clause.refusal in (NO_KNOWN_WORD, QUESTION) and not prompt.known else None
             raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
@@ -285,12 +288,16 @@ class Hearing:
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         prompt = self.model.prompt(clause.text)
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
+            if part_phrase(clause.said) is not None:
+                raise RefusedError(f"{clause.said!r}: a motion of the head; say it in a sentence of its own")
             raise RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
         if not prompt.known:
             raise RefusedError(prompt.warning or f"{clause.text!r} is not understood")
         if prompt.warning is not None:
             return self._standing(clause.said)  # a prohibition, such as "stop that at once"
         if prompt.kind == STAND and is_no_stand(clause.text):
+            if is_turning(clause.text) and len(clause.text.split()) == 1:
+                raise RefusedError(f"{clause.said!r}: {TO_WHICH_SIDE}")
             raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
@@ -342,9 +349,10 @@ def _covers(forbidden: str, kind: str) -> bool:
 
 
 def _ignores(clause: Clause, step: Step) -> bool:
-    """Whether a motion has no speed that an adverb could change; standing has none to speak of."""
+    """Whether an adverb changes no speed: of a gesture; up, of a turn on the spot; standing has none to speak of."""
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
-    return bool(clause.manner) and clause.asks is Asks.MOTION and gesture
+    on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
+    return bool(clause.manner) and clause.asks is Asks.MOTION and (gesture or (on_the_spot and clause.speed > 1.0))
 
 
 def _rounded(prompt: Prompt) -> float:
