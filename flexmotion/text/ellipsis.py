@@ -96,12 +96,21 @@ def _looking_on(clause: Clause, words: list[str], before: Clause) -> Clause:
     if clause.amount is not None and clause.amount.quantity not in ("time", "times"):
         return clause
     named, directions = sides(" ".join(words)), [word for word in words if word in _LOOKS]
-    if not (named or directions):
+    thing = begins_with_place(words)
+    if not (named or directions or thing):
         return clause
+    if thing and not named:
+        return replace(clause, text=f"look {' '.join(words)}", asks=Asks.MOTION, refusal=None, needs_head=True)
     text = f"look {' '.join([*directions, *sorted(named)])}"
     if len(named) == 1 and not directions and sides(before.text):
         text = with_side(before.text, min(named))
     return replace(clause, text=text, asks=Asks.MOTION, refusal=None, needs_head=True)
+
+
+def begins_with_place(words: list[str]) -> bool:
+    """Whether words are a place to look at whose direction is known: "at the floor"."""
+    text = f" {' '.join(words)} "
+    return words[:1] == ["at"] and any(f" {phrase} " in text for phrase in vocabulary().phrases("gaze_words"))
 
 
 def _returns(clause: Clause, before: Clause) -> bool:

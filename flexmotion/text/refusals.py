@@ -13,7 +13,7 @@ from flexmotion.text.wording import plain, stem, taught
 
 _FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) (?!to )")
 """Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
-_INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next|other) [a-z]+")
+_INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next) [a-z]+")
 """One of several repetitions: "on the second bow"."""
 
 
@@ -33,6 +33,8 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{words[0]!r}: no model and no robot of this project does that"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
+    if _lifts_foot(words):
+        return f"{' '.join(words)!r}: no request lifts or puts a foot by itself"
     if instance := _INSTANCE.search(text):
         return unbounded(instance[0].strip(), None)
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
@@ -40,6 +42,13 @@ def refusal_of(words: list[str]) -> str | None:
     if len(named) + bool(feet) > 1:
         return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
     return _walking_refusal(words, text)
+
+
+def _lifts_foot(words: list[str]) -> bool:
+    """Whether words name nothing but one foot or leg: "first the left foot"."""
+    known = vocabulary()
+    legs = set(known.table["limb_groups"]["leg"])
+    return bool(words) and words[-1] in legs and set(words[:-1]) <= known.words("limb_owners") | known.words("refers")
 
 
 def _unknown_target(words: list[str], text: str) -> str | None:
@@ -94,10 +103,10 @@ def needs_head(words: list[str]) -> bool:
 
 
 def condition_of(words: list[str]) -> str | None:
-    """The condition at the end of a request ("until you reach the wall"); of an allowed one the phrase alone."""
+    """The condition of a request ("until you reach the wall", "if you see me"); of an allowed one the phrase alone."""
     known = vocabulary()
     for place, word in enumerate(words):
-        if place and word in known.words("conditions"):
+        if word in known.words("conditions") and (place or len(words) > 2):
             text = " ".join(words[place:])
             return next((phrase for phrase in known.phrases("allowed_conditions") if text.startswith(phrase)), text)
     return None

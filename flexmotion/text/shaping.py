@@ -75,7 +75,7 @@ def destinations(words: list[str]) -> list[str]:
     if not words or words[0] not in feet or words[0] in ("take", "make", "do"):
         return []
     prepositions = sorted(known.words("destinations"), key=lambda phrase: -len(phrase.split()))
-    for place in range(1, len(words)):
+    for place in range(2 if words[:2] == ["back", "up"] else 1, len(words)):
         for phrase in prepositions:
             length = len(phrase.split())
             if words[place : place + length] != phrase.split():

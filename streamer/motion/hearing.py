@@ -85,6 +85,8 @@ class Hearing:
                 return changed
             steps: list[Step] = []
             for clause in wanted:
+                if clause is not wanted[-1] and clause.until_told:
+                    raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
                 steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
@@ -160,6 +162,8 @@ class Hearing:
         """The clauses that ask for something; refuses a sentence that asks for what it forbids."""
         forbidden: list[str] = []
         for clause in (one for one in clauses if one.forbidden):
+            if clause.text.split()[:1] and clause.text.split()[0] in vocabulary().words("still_verbs"):
+                continue  # "raise your hand and don't lower it"
             prompt = self.model.prompt(clause.text) if clause.text else None
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
                 forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
@@ -280,6 +284,9 @@ class Hearing:
     def _to_side(self, step: Step, clause: Clause) -> Step:
         """A step to another side, or with another hand, as much of it as before."""
         assert clause.side is not None
+        walks = step.turn != 0 or step.axis != (0, 0)
+        if walks and vocabulary().words("limbs") & set(clause.said.split()):
+            raise RefusedError(f"{clause.said!r}: {step.kind} is not a motion of the hands")
         if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
@@ -323,6 +330,8 @@ class Hearing:
             times = 1 if amount.quantity != "times" else times
         if amount is None:
             return step
+        if step.kind == STAND and amount.quantity not in ("time", "times"):
+            raise RefusedError(f"{clause.said!r} is not understood: standing has no {amount.said!r}")
         return self._measured(step, amount, times)
 
 
