@@ -45,7 +45,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if _unknown(words, part.joint):
         return Clause(said, sentence, refusal=NO_KNOWN_WORD)
     head = needs_head(words)
-    until_told = condition is not None and not plain_stop and not untold
+    until_told = condition is not None and not untold
     if condition is not None and not plain_stop:
         dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])
