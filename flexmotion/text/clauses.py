@@ -57,7 +57,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     amount, times, counted, tokens, extra = amounts_of(tokens)
     dropped += extra
     if head and amount is not None and amount.quantity == "angle":
-        amount, dropped = None, [*dropped, amount.said]  # a head that turns in words turns as far as it does
+        dropped.append(amount.said)  # a head that turns in words turns as far as it does
+        amount = None
     if amount is None and not counted:
         amount, tokens = little_of(tokens)
     if amount is not None and amount.rough:

@@ -52,6 +52,8 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
     """
     side = named_side(words)
     asked = before is not None and before.asks is Asks.MOTION and before.refusal is None and not before.forbidden
+    if clause.forbidden and asked and before is not None and (other := named_side(clause.text.split())) is not None:
+        return replace(clause, text=with_side(before.text, other))  # "wave, but not with the left hand"
     if side is not None and clause.amount is None:
         if before is None and is_repeated(words):
             return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side)

@@ -12,6 +12,7 @@ _ASIDE = r"(?:(?:and|so|but|hey|ok|okay|oh|well|please|robot|hmm|um)[\s,]+)*"
 _ASKS_WHAT = (
     r"(?:why|how|what|when|where|who|whom|whose|which)\b.*?\b(?:do|does|did|is|are|am|was|were|has|have|had"
     rf"|will|would|can|could|should|shall|may|might)\s{_SUBJECT}\b"
+    r"|who\s(?:told|asked|made|taught|ordered|allowed)\s(?:you|it)\b.*?"
 )
 _ASKS_WHETHER = (
     rf"(?:did|does|is|are|am|was|were|had)\s{_SUBJECT}\b(?!\s(?:able|ready|willing))"

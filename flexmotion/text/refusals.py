@@ -31,6 +31,8 @@ def refusal_of(words: list[str]) -> str | None:
             return f"{phrase!r}: no model and no robot of this project does that"
     if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
         return f"{words[0]!r}: no model and no robot of this project does that"
+    if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
+        return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
     if _lifts_foot(words):

@@ -77,8 +77,9 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             place += 1
             continue
         phrase = begins(tokens, place, then)
-        # "the next left" and "one after another" join nothing.
-        if phrase and (phrase != "next" or (place and tokens[place - 1] != "the")):
+        # "the next left", "next to you" and "one after another" join nothing.
+        beside = tokens[place + 1 : place + 2] == ["to"] or (place and tokens[place - 1] == "the")
+        if phrase and (phrase != "next" or (place and not beside)):
             open_part("then")
             place += len(phrase.split())
             continue

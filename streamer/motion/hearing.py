@@ -297,6 +297,8 @@ class Hearing:
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
             if part_phrase(clause.said) is not None:
                 raise RefusedError(f"{clause.said!r}: a motion of the head; say it in a sentence of its own")
+            if prompt.kind == STAND:
+                raise RefusedError(f"{clause.said!r}: where to? say left, right, up, down or behind you")
             raise RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
         if not prompt.known:
             raise RefusedError(prompt.warning or f"{clause.text!r} is not understood")
@@ -327,6 +329,8 @@ class Hearing:
         amount, times = clause.amount, clause.times
         if amount is None and (in_sequence or clause.counted):
             amount = usual_amount(step, times)
+            if clause.counted and amount.quantity == "times":
+                amount = replace(amount, said=f"{times} times")
             times = 1 if amount.quantity != "times" else times
         if amount is None:
             return step

@@ -128,7 +128,7 @@ def test_watch_out_is_no_looking() -> None:
 
 
 def test_an_adverb_in_front_belongs_to_the_request_behind_it() -> None:
-    """ "At half the speed, walk forward" was refused as a change of a speed while nothing moved."""
+    """An adverb in front ("at half the speed, walk forward") was refused as a change of a speed while nothing moved."""
     (clause,) = parse("at half the speed, walk forward for ten seconds")
     assert (clause.text, clause.speed) == ("walk forward", 0.5)
     assert [clause.asks for clause in parse("slower, walk")][:1] == [Asks.SLOWER]

@@ -12,10 +12,16 @@ from flexmotion.text.sayings import NOTHING, sayings
 
 @pytest.mark.parametrize(
     "sentence",
-    ["why did you turn left?", "how many steps did you walk?", "hey robot, are you walking?", "did you just wave?"],
+    [
+        "why did you turn left?",
+        "how many steps did you walk?",
+        "hey robot, are you walking?",
+        "did you just wave?",
+        "who told you to wave?",
+    ],
 )
 def test_a_question_about_a_motion_asks_for_none(sentence: str) -> None:
-    """ "Why did you turn left?" was heard as turning left, and the robot turned."""
+    """The robot turned left when it was asked "why did you turn left?"."""
     assert is_question(sentence)
 
 
