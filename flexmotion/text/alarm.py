@@ -25,7 +25,7 @@ def is_alarm(sentence: str) -> bool:
     """Whether a whole sentence asks for nothing but a stop, and in alarm. Longer sentences are left to the grammar."""
     words = " ".join(re.findall(r"[a-z'’]+", _NO.sub(" ", sentence.lower())))
     core = " ".join(_BESIDE.sub(" ", _URGENT.sub(" ", words)).split())
-    if _NAMES.fullmatch(core):
+    if re.fullmatch(rf"{_NAMES.pattern}(?:\s{_NAMES.pattern})*", core):
         return True
     stops = re.fullmatch(rf"{_STOPS.pattern}(?:\s{_STOPS.pattern})*", core)
     shouted = "!" in sentence or sentence.isupper() or _URGENT.search(words) is not None

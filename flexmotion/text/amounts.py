@@ -25,7 +25,10 @@ _SYMBOLS = {
     "km/h": " km per hour ",
 }
 _WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
+_FRACTION = re.compile(r"(?<![\w./])(?:(\d+) )?([1-9])/([234568])(?![\w/])")
 _MARKS = frozenset(",.;:!?&")
+
+_JOINTS = ("and", "or", "to", "of", "more", "then", "further", "extra", "additional", "point", "dozen")
 
 LEAST_BARE = 15.0
 """A number without a unit behind "turn" is an angle from here on [degrees]; a smaller one in words is a word."""
@@ -70,6 +73,7 @@ def words_of(sentence: str) -> list[str]:
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
     # "1,000" and "2,5" are numbers, "1, 2" are two.
+    text = _FRACTION.sub(lambda found: f"{int(found[1] or 0) + int(found[2]) / int(found[3]):.4g}", text)
     text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
     text = re.sub(r"(?<=\d),(?=\d{1,2}\b)", ".", text)
     for mark, unit in (('"', "inches"), ("'", "feet")):
@@ -116,13 +120,19 @@ def _join_range(found: list[Token]) -> None:
 
 
 def _units_first(words: list[str]) -> list[str]:
-    """The words with "two backward steps" as "two steps backward"."""
+    """The words with "two backward steps", "two slow steps", "two lateral steps" as "two steps backward" and so on.
+
+    What says a size alone ("two big steps") stays in the amount.
+    """
     known, words = vocabulary(), list(words)
+    others = known.words("sizes") | known.verbs | set(known.units) | set(known.table["numbers"]) | set(_JOINTS)
+    others |= set(known.table["articles"]) | set(known.table["fractions"]) | known.words("hedges")
     for place in range(1, len(words) - 1):
         direction, unit = words[place], words[place + 1]
         counted = words[place - 1] in known.table["numbers"] or is_digits(words[place - 1])
-        if counted and direction in known.words("directions") and unit in known.table["units"]["steps"]:
-            words[place : place + 2] = unit, direction
+        qualifies = direction in known.words("directions") or (direction.isalpha() and direction not in others)
+        if counted and qualifies and unit in known.table["units"]["steps"]:
+            words[place : place + 2] = unit, known.table["adverbs"].get(direction, direction)
     return words
 
 

@@ -13,9 +13,10 @@ from flexmotion.text.wording import begins, taught
 
 def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token], list[str]]:
     """The amount that ends the motion, how often, whether that was said, the other tokens, amounts that are dropped."""
-    hedges = vocabulary().words("hedges")
+    known = vocabulary()
+    hedges = known.words("hedges")
     first_word = next((token for token in tokens if isinstance(token, str)), "")
-    turns = first_word in vocabulary().words("turn_verbs") or first_word in ("do", "make")
+    turns = first_word in known.words("turn_verbs") or first_word in ("do", "make")
     amount: Amount | None = None
     times, counted = 1, False
     rest: list[Token] = []
@@ -27,6 +28,7 @@ def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Toke
         if not isinstance(token, Amount):
             rest.append(token)
             continue
+        extra += [word for word in token.said.split() if word in known.words("sizes") - known.words("plain_sizes")]
         while (
             rest
             and rest[-1] in hedges

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
@@ -44,15 +45,20 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if _unknown(words, part.joint):
         return Clause(said, sentence, refusal=NO_KNOWN_WORD)
     head = needs_head(words)
-    until_told = condition is not None and not plain_stop and not untold
+    until_told = condition is not None and not untold
     if condition is not None and not plain_stop:
         dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])
+    if (again := _repeats(tokens)) is not None:
+        return Clause(said, sentence, refusal=f"{again!r}: nothing is repeated by the clock; say how often")
     uncountable = next((t for t in tokens if isinstance(t, Amount) and not is_count(t)), None)
     if uncountable is not None:
         return Clause(said, sentence, refusal=f"{uncountable.said!r}: expected a whole number, 1 or more")
     amount, times, counted, tokens, extra = amounts_of(tokens)
     dropped += extra
+    if head and amount is not None and amount.quantity == "angle":
+        dropped.append(amount.said)  # a head that turns in words turns as far as it does
+        amount = None
     if amount is None and not counted:
         amount, tokens = little_of(tokens)
     if amount is not None and amount.rough:
@@ -64,7 +70,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, "", refusal="a change of speed has no length, time or count of its own")
     if asks is not Asks.MOTION:
         return Clause(said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes))
-    if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words:
+    if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words and not head:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)
     words = [token for token in tokens if isinstance(token, str)]
@@ -99,6 +105,14 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         more=more,
         verbless=not has_verb(own),
     )
+
+
+def _repeats(tokens: list[Token]) -> str | None:
+    """What says that a request is repeated by the clock: "every five seconds"."""
+    for token, after in pairwise(tokens):
+        if token in ("every", "each") and isinstance(after, Amount):
+            return f"{token} {after.said}"
+    return None
 
 
 def _forbids(words: list[str]) -> bool:

@@ -40,7 +40,7 @@ def with_side(text: str, side: str) -> str:
 
 def is_repeated(words: list[str]) -> bool:
     """Whether words of a side ask for the last motion once more: "again with the left hand", "the other way"."""
-    return bool((vocabulary().words("other") | {"same", "again"}) & set(words))
+    return bool((vocabulary().words("other") | {"same", "again", "more"}) & set(words))
 
 
 def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause:
@@ -52,6 +52,8 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
     """
     side = named_side(words)
     asked = before is not None and before.asks is Asks.MOTION and before.refusal is None and not before.forbidden
+    if clause.forbidden and asked and before is not None and (other := named_side(clause.text.split())) is not None:
+        return replace(clause, text=with_side(before.text, other))  # "wave, but not with the left hand"
     if side is not None and clause.amount is None:
         if before is None and is_repeated(words):
             return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side)
@@ -96,12 +98,21 @@ def _looking_on(clause: Clause, words: list[str], before: Clause) -> Clause:
     if clause.amount is not None and clause.amount.quantity not in ("time", "times"):
         return clause
     named, directions = sides(" ".join(words)), [word for word in words if word in _LOOKS]
-    if not (named or directions):
+    thing = begins_with_place(words)
+    if not (named or directions or thing):
         return clause
+    if thing and not named:
+        return replace(clause, text=f"look {' '.join(words)}", asks=Asks.MOTION, refusal=None, needs_head=True)
     text = f"look {' '.join([*directions, *sorted(named)])}"
     if len(named) == 1 and not directions and sides(before.text):
         text = with_side(before.text, min(named))
     return replace(clause, text=text, asks=Asks.MOTION, refusal=None, needs_head=True)
+
+
+def begins_with_place(words: list[str]) -> bool:
+    """Whether words are a place to look at whose direction is known: "at the floor"."""
+    text = f" {' '.join(words)} "
+    return words[:1] == ["at"] and any(f" {phrase} " in text for phrase in vocabulary().phrases("gaze_words"))
 
 
 def _returns(clause: Clause, before: Clause) -> bool:

@@ -13,10 +13,12 @@ from dataclasses import replace
 
 from flexmotion.text.amounts import is_mark, tokens_of
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.clause_amounts import speed_of
 from flexmotion.text.clauses import clause_of
 from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.phrases import STAND
+from flexmotion.text.questions import QUESTION, is_question
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.wording import plain, stripped, taught
@@ -27,6 +29,8 @@ def parse(sentence: str) -> tuple[Clause, ...]:
     sentence = reworded(sentence)
     if taught().get(plain(tokens_of(sentence))) == STAND:
         return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
+    if is_question(sentence) and plain(tokens_of(sentence)) not in taught():
+        return (Clause(sentence, sentence, refusal=QUESTION),)
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
     found = _parsed(_with_names(sentence, phrases))
@@ -70,7 +74,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
     tokens = tokens_of(sentence)
     words = plain(tokens)
     kind = taught().get(words)
-    parts = [Part(tokens)] if kind is not None else parts_of(tokens)
+    parts = [Part(tokens)] if kind is not None else _with_adverbs(parts_of(tokens))
     clauses: list[Clause] = []
     names: list[str] = []
     forbidding = False
@@ -101,6 +105,16 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         # The listener gets the sentence as it was given.
         return (replace(clauses[0], said=sentence, text=sentence),)
     return tuple(clauses)
+
+
+def _with_adverbs(parts: list[Part]) -> list[Part]:
+    """The parts, an opening adverb with the request that it is of: "at half the speed, walk forward"."""
+    if len(parts) < 2 or parts[1].joint != "," or parts[0].dropped:
+        return parts
+    tokens, (speed, _, rest) = parts[1].tokens, speed_of(stripped(parts[0].tokens))
+    if rest or speed == 1.0 or clause_of(parts[1], False) is None:
+        return parts
+    return [replace(parts[1], tokens=[*tokens, *stripped(parts[0].tokens)], joint=parts[0].joint), *parts[2:]]
 
 
 def _is_plain(clause: Clause) -> bool:

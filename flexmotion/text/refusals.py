@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from flexmotion.text.amounts import tokens_of
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
@@ -9,12 +11,19 @@ from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, stem, taught
 
+_FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) (?!to )")
+"""Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
+_INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next) [a-z]+")
+"""One of several repetitions: "on the second bow"."""
+
 
 def refusal_of(words: list[str]) -> str | None:
     """Why the words alone tell that a request cannot be done; None where they do not."""
     known = vocabulary()
     verb = next((word for word in words if word in known.verbs), None)
     text = f" {' '.join(words)} "
+    if came := _FROM_SIDE.search(text):
+        return f"{came[0].strip()!r}: a place: the robot knows none"
     if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
@@ -22,13 +31,26 @@ def refusal_of(words: list[str]) -> str | None:
             return f"{phrase!r}: no model and no robot of this project does that"
     if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
         return f"{words[0]!r}: no model and no robot of this project does that"
+    if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
+        return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
+    if _lifts_foot(words):
+        return f"{' '.join(words)!r}: no request lifts or puts a foot by itself"
+    if instance := _INSTANCE.search(text):
+        return unbounded(instance[0].strip(), None)
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
     feet = [word for word in words if stem(word) in known.words("feet_motions")]
     if len(named) + bool(feet) > 1:
         return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
     return _walking_refusal(words, text)
+
+
+def _lifts_foot(words: list[str]) -> bool:
+    """Whether words name nothing but one foot or leg: "first the left foot"."""
+    known = vocabulary()
+    legs = set(known.table["limb_groups"]["leg"])
+    return bool(words) and words[-1] in legs and set(words[:-1]) <= known.words("limb_owners") | known.words("refers")
 
 
 def _unknown_target(words: list[str], text: str) -> str | None:
@@ -53,7 +75,10 @@ def _walking_refusal(words: list[str], text: str) -> str | None:
     """Why a walk or a turn is none that the robot could make."""
     known = vocabulary()
     first = words[0] if words else ""
-    if first not in known.words("paths") or known.words("limbs") & set(words):
+    steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
+    if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
+        steps = True  # its steps are counted: "make four steps on the spot"
+    if (first not in known.words("paths") and not steps) or known.words("limbs") & set(words):
         return None
     one_side = len(sides(text)) == 1
     for phrase in known.phrases("shapes"):
@@ -80,10 +105,10 @@ def needs_head(words: list[str]) -> bool:
 
 
 def condition_of(words: list[str]) -> str | None:
-    """The condition at the end of a request ("until you reach the wall"); of an allowed one the phrase alone."""
+    """The condition of a request ("until you reach the wall", "if you see me"); of an allowed one the phrase alone."""
     known = vocabulary()
     for place, word in enumerate(words):
-        if place and word in known.words("conditions"):
+        if word in known.words("conditions") and (place or len(words) > 2):
             text = " ".join(words[place:])
             return next((phrase for phrase in known.phrases("allowed_conditions") if text.startswith(phrase)), text)
     return None
@@ -95,6 +120,12 @@ def is_no_stand(text: str) -> bool:
     told = taught().get(plain(tokens_of(text)))
     first = next((stem(word) for word in words if stem(word) in vocabulary().verbs), None)
     return told != STAND and (told == NOTHING or first in vocabulary().words("unlike_standing"))
+
+
+def moves_feet(text: str) -> bool:
+    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet"."""
+    words = text.split()
+    return words[:1] == ["move"] and bool(vocabulary().words("feet_words") & set(words[1:]))
 
 
 def is_turning(text: str) -> bool:

@@ -9,7 +9,7 @@ from flexmotion.text.clause import Asks
 from flexmotion.text.vocabulary import vocabulary
 
 _CHANGE = re.compile(
-    r"(?:(?:walk|go|move|turn|run|step|keep|be) )?"
+    r"(?:(?:walk|go|move|turn|run|step|be|continue|carry on|go on|keep(?: going| walking| moving| turning| on)?) )?"
     r"(?:a (?:little )?bit |a little |much |even |slightly |some |somewhat )?"
     r"(?:(?P<faster>faster|quicker|more quickly)|(?P<slower>slower|more slowly|less fast))"
 )

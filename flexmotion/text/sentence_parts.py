@@ -13,7 +13,8 @@ from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped, taught
 
 NEGATES = re.compile(
-    r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of
+    r"""\b(?:do|does|did|must|need|should|would|could|may|can|will)\ not\b
+    | \b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of
         |instead\ of|rather\ than)\b
     | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b(?:\ you\ dare)?""",
     re.VERBOSE,
@@ -76,8 +77,9 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             place += 1
             continue
         phrase = begins(tokens, place, then)
-        # "the next left" and "one after another" join nothing.
-        if phrase and (phrase != "next" or (place and tokens[place - 1] != "the")):
+        # "the next left", "next to you" and "one after another" join nothing.
+        beside = tokens[place + 1 : place + 2] == ["to"] or (place and tokens[place - 1] == "the")
+        if phrase and (phrase != "next" or (place and not beside)):
             open_part("then")
             place += len(phrase.split())
             continue
@@ -90,6 +92,10 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             continue
         # "in five seconds, wave" is "after five seconds wave"
         phrase = "in" if _is_delay(tokens, place, parts[-1].tokens) else begins(tokens, place, after)
+        if phrase and parts[-1].tokens and _goes_on(tokens, place, phrase):
+            open_part("then")
+            place += len(phrase.split())
+            continue
         if phrase and _names_request(tokens, place + len(phrase.split())):
             length = len(phrase.split())
             open_part("then")
@@ -108,6 +114,11 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             continue
         if (phrase := begins(tokens, place, together)) and not (phrase == "while" and not parts[-1].tokens):
             end = _next_joint(tokens, place + len(phrase.split()))
+            parts[-1].dropped.append(plain(tokens[place:end]))
+            place = end
+            continue
+        if parts[-1].tokens and _pauses_between(tokens, place):
+            end = _next_joint(tokens, place)
             parts[-1].dropped.append(plain(tokens[place:end]))
             place = end
             continue
@@ -185,6 +196,23 @@ def _excepts(tokens: list[Token], place: int) -> bool:
     if tokens[place] != "without" or not isinstance(following, str) or stem(following) == following:
         return False
     return WITHOUT_TURNING.match(f"without {following}") is None
+
+
+def _goes_on(tokens: list[Token], place: int, phrase: str) -> bool:
+    """Whether "after" stands for "after that": a joint is in front of it, and a request behind: ", after turn left"."""
+    before, end = tokens[place - 1], place + len(phrase.split())
+    following = tokens[end] if end < len(tokens) else ""
+    known = vocabulary()
+    asks = isinstance(following, str) and following in known.verbs - set(known.table["participles"])
+    return phrase == "after" and asks and (is_mark(before) or before == "and")
+
+
+def _pauses_between(tokens: list[Token], place: int) -> bool:
+    """Whether a pause between repetitions begins at a token: "with a pause of a second between them"."""
+    rest = tokens[place : _next_joint(tokens, place)]
+    pauses = vocabulary().words("pauses")
+    opens = rest[:1] == ["with"] or (len(rest) > 0 and rest[0] in pauses and stem(str(rest[0])) != rest[0])
+    return opens and "between" in rest and any(token in pauses for token in rest)
 
 
 def _runs_on(tokens: list[Token], place: int, before: list[Token]) -> bool:

@@ -9,6 +9,9 @@ from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
+TO_WHICH_SIDE = "turning: to the left or to the right?"
+"""Refusal of a turn without a side."""
+
 
 def shaped(
     words: list[str], amount: Amount | None, times: int, counted: bool
@@ -34,7 +37,7 @@ def shaped(
     if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
         full = amount is not None and abs(amount.value) % pi < 1e-6
         if len(sides(text)) != 1 and not full:
-            return words, amount, "turning: to the left or to the right?"
+            return words, amount, TO_WHICH_SIDE
         return turning_words(text), amount, None
     direction = [word for word in words if word in known.words("directions")]
     if verb == "back" and quantity in ("steps", "length"):
@@ -72,7 +75,7 @@ def destinations(words: list[str]) -> list[str]:
     if not words or words[0] not in feet or words[0] in ("take", "make", "do"):
         return []
     prepositions = sorted(known.words("destinations"), key=lambda phrase: -len(phrase.split()))
-    for place in range(1, len(words)):
+    for place in range(2 if words[:2] == ["back", "up"] else 1, len(words)):
         for phrase in prepositions:
             length = len(phrase.split())
             if words[place : place + length] != phrase.split():

@@ -29,7 +29,7 @@ def respelled(sentence: str) -> str | None:
         if not found:
             return None
         swapped = [one for one in found if sorted(one) == sorted(word)]  # "lfet" is "left" rather than "let"
-        sentence = re.sub(rf"\b{re.escape(word)}\b", (swapped or found)[0], sentence.lower())
+        sentence = re.sub(rf"(?<![^\W\d_]){re.escape(word)}(?![^\W\d_])", (swapped or found)[0], sentence.lower())
     return sentence
 
 

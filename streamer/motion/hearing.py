@@ -23,9 +23,12 @@ from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
+from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
-from flexmotion.text.refusals import is_no_stand, is_turning, names_head
+from flexmotion.text.questions import QUESTION
+from flexmotion.text.refusals import is_no_stand, is_turning, moves_feet, names_head
+from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
 
 
@@ -82,6 +85,8 @@ class Hearing:
                 return changed
             steps: list[Step] = []
             for clause in wanted:
+                if clause is not wanted[-1] and clause.until_told:
+                    raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
                 steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
@@ -157,9 +162,11 @@ class Hearing:
         """The clauses that ask for something; refuses a sentence that asks for what it forbids."""
         forbidden: list[str] = []
         for clause in (one for one in clauses if one.forbidden):
+            if clause.text.split()[:1] and clause.text.split()[0] in vocabulary().words("still_verbs"):
+                continue  # "raise your hand and don't lower it"
             prompt = self.model.prompt(clause.text) if clause.text else None
-            if is_turning(clause.text):
-                forbidden += vocabulary().table["turns"]
+            if (stays := moves_feet(clause.text)) or is_turning(clause.text):
+                forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
                 continue
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
@@ -212,7 +219,7 @@ class Hearing:
     ) -> list[Step]:
         if clause.refusal is not None:
             prompt = self.model.prompt(clause.text)
-            told = prompt.warning if clause.refusal == NO_KNOWN_WORD and not prompt.known else None
+            told = prompt.warning if clause.refusal in (NO_KNOWN_WORD, QUESTION) and not prompt.known else None
             raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
@@ -277,6 +284,9 @@ class Hearing:
     def _to_side(self, step: Step, clause: Clause) -> Step:
         """A step to another side, or with another hand, as much of it as before."""
         assert clause.side is not None
+        walks = step.turn != 0 or step.axis != (0, 0)
+        if walks and vocabulary().words("limbs") & set(clause.said.split()):
+            raise RefusedError(f"{clause.said!r}: {step.kind} is not a motion of the hands")
         if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
@@ -285,12 +295,18 @@ class Hearing:
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         prompt = self.model.prompt(clause.text)
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
+            if part_phrase(clause.said) is not None:
+                raise RefusedError(f"{clause.said!r}: a motion of the head; say it in a sentence of its own")
+            if prompt.kind == STAND:
+                raise RefusedError(f"{clause.said!r}: where to? say left, right, up, down or behind you")
             raise RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
         if not prompt.known:
             raise RefusedError(prompt.warning or f"{clause.text!r} is not understood")
         if prompt.warning is not None:
             return self._standing(clause.said)  # a prohibition, such as "stop that at once"
         if prompt.kind == STAND and is_no_stand(clause.text):
+            if is_turning(clause.text) and len(clause.text.split()) == 1:
+                raise RefusedError(f"{clause.said!r}: {TO_WHICH_SIDE}")
             raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
@@ -313,9 +329,13 @@ class Hearing:
         amount, times = clause.amount, clause.times
         if amount is None and (in_sequence or clause.counted):
             amount = usual_amount(step, times)
+            if clause.counted and amount.quantity == "times":
+                amount = replace(amount, said=f"{times} times")
             times = 1 if amount.quantity != "times" else times
         if amount is None:
             return step
+        if step.kind == STAND and amount.quantity not in ("time", "times"):
+            raise RefusedError(f"{clause.said!r} is not understood: standing has no {amount.said!r}")
         return self._measured(step, amount, times)
 
 
@@ -342,9 +362,10 @@ def _covers(forbidden: str, kind: str) -> bool:
 
 
 def _ignores(clause: Clause, step: Step) -> bool:
-    """Whether a motion has no speed that an adverb could change; standing has none to speak of."""
+    """Whether an adverb changes no speed: of a gesture; up, of a turn on the spot; standing has none to speak of."""
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
-    return bool(clause.manner) and clause.asks is Asks.MOTION and gesture
+    on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
+    return bool(clause.manner) and clause.asks is Asks.MOTION and (gesture or (on_the_spot and clause.speed > 1.0))
 
 
 def _rounded(prompt: Prompt) -> float:

@@ -13,6 +13,7 @@ from flexmotion.text.phrases import STAND, kinds, wordings
     "sentence",
     [
         *("emergency stop", "Emergency stop!", "e-stop", "E-STOP", "estop", "halt", "Halt!", "abort", "emergency"),
+        "abort abort",  # was refused as not understood
         *(
             "stop!",
             "STOP",

@@ -39,6 +39,9 @@ def amounts(sentence: str) -> list[tuple[float, str]]:
         ("one hundred and eighty degrees", math.pi, "angle"),
         ("three quarters of a turn", 1.5 * math.pi, "angle"),
         ("half a turn", math.pi, "angle"),
+        ("3/4 of a turn", 1.5 * math.pi, "angle"),
+        ("1 1/2 turns", 3 * math.pi, "angle"),
+        ("two lateral steps", 2.0, "steps"),
         ("1.5m forward", 1.5, "length"),
         ("a metre and a half", 1.5, "length"),
         ("one and a half metres", 1.5, "length"),
@@ -122,6 +125,19 @@ def test_words_of_a_manner_are_no_amount_and_no_prohibition_and_stay(
 def test_watch_out_is_no_looking() -> None:
     (clause,) = parse("look out")
     assert clause.refusal is None and clause.text == "look out"
+
+
+def test_an_adverb_in_front_belongs_to_the_request_behind_it() -> None:
+    """An adverb in front ("at half the speed, walk forward") was refused as a change of a speed while nothing moved."""
+    (clause,) = parse("at half the speed, walk forward for ten seconds")
+    assert (clause.text, clause.speed) == ("walk forward", 0.5)
+    assert [clause.asks for clause in parse("slower, walk")][:1] == [Asks.SLOWER]
+
+
+def test_no_list_of_words_holds_what_yaml_reads_as_true() -> None:
+    """YAML read the word "on" of a list as `true`, so that "on the other side" was not understood."""
+    lists = [words for words in vocabulary().table.values() if isinstance(words, list)]
+    assert all(isinstance(word, str) for words in lists for word in words)
 
 
 @pytest.mark.parametrize(
