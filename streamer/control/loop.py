@@ -360,7 +360,15 @@ class ControlLoop:
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True
-        goals = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected, slow=plan is None)
+        goals = self.servo.update(
+            self.ahead.q,
+            self.ahead.qd,
+            self._load,
+            self.state,
+            expected,
+            slow=plan is None,
+            impacts=playback is Playback.GET_UP,
+        )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
