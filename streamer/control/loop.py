@@ -374,6 +374,7 @@ class ControlLoop:
             expected,
             stiffness=self.ahead.stiffness,
             slow=plan is None,
+            impacts=playback is Playback.GET_UP,
         )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
