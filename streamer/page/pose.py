@@ -18,7 +18,12 @@ Row = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the plan's world lies in the drawn one: turned about z by `yaw` [rad] at `pivot`, which comes to `to` [m]."""
+    """Where the plan's world lies in the drawn one.
+
+    Attributes:
+        yaw: of the plan's world about z [rad].
+        pivot, to: a point (2,) of the plan's world, and where it is in the drawn one [m].
+    """
 
     yaw: float
     pivot: Float
@@ -124,8 +129,7 @@ class MeasuredPose(Pose):
 class PlannedPose(Pose):
     """The planned robot, standing on the measured robot's feet.
 
-    A plan counts from the place where the robot stands by its own odometry, which drifts from the simulation's truth with
-    what the feet slip. What differs between the two poses is told; the drift is none of it.
+    The plan's world drifts from the simulation's with what the feet slip. The poses are compared without that drift.
 
     Attributes:
         placement: of the plan's world in the drawn one, at the last `show`.

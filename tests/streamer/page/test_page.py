@@ -161,7 +161,7 @@ def test_a_picture_has_every_body_where_it_is(robot: Robot, streaming: Row) -> N
 
 
 def test_the_planned_robot_stands_on_the_feet_of_the_simulated_one(robot: Robot, streaming: Row) -> None:
-    """After a minute of walking it stood .4 m beside the robot, turned by 60°: the odometry had drifted from the truth."""
+    """After a minute of walking it stood .4 m beside the robot, turned by 60°: the feet had slipped."""
     row, turn = streaming.copy(), np.array([np.cos(0.5), 0.0, 0.0, np.sin(0.5)])
     row["true_base"][:2] = row["base_ref"][:2] + [0.4, -0.3]
     mujoco.mju_mulQuat(row["true_base"][3:], turn, np.array(row["base_ref"][3:]))

@@ -164,7 +164,7 @@ def test_a_phone_steers_and_recovers_without_scrolling(run: StandIn, size: tuple
 
 @pytest.mark.parametrize("size", [*ACROSS, *UPRIGHT, (1280, 800)])
 def test_the_robot_is_seen_below_what_to_do_next(run: StandIn, size: tuple[int, int]) -> None:
-    """On a phone the panel of an emergency stop covered the robot but for its feet, and, held across, the switches beside it."""
+    """On a phone the panel of an emergency stop covered the robot but for its feet; held across, the switches too."""
     page = run.page
     page.set_viewport_size({"width": size[0], "height": size[1]})
     told = {"headline": "Emergency stop pressed", "advice": advice(f"PARK -> FAULT: {CAUSE}")}
