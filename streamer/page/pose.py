@@ -154,7 +154,7 @@ class PlannedPose(Pose):
             self.place(self.placement.base(row["base_ref"]), row["q_ref"])
         return True
 
-    def _under(self, measured: MeasuredPose, in_contact: Float) -> Placement:
+    def _under(self, measured: MeasuredPose, in_contact: NDArray[np.bool_]) -> Placement:
         """The placement that brings the planned feet in contact, or both, to the measured ones."""
         feet = in_contact if in_contact.any() else ~in_contact
         turns = measured.sole_yaws[feet] - self.sole_yaws[feet]

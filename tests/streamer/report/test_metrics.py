@@ -149,7 +149,7 @@ def test_a_robot_that_goes_part_of_the_way_is_the_rest_behind(
 def test_a_parked_robot_whose_torque_is_off_has_not_fallen(
     record: RunTrace, figures: RobotFigures, human: HumanTrack, before: State, fell: bool
 ) -> None:
-    """A live run that was disarmed ended in "FAIL fell after 257 s": the crouched robot had leant over without torque."""
+    """A live run that was disarmed ended in "FAIL fell after 257 s": without torque the robot had leant over."""
     off = 500
     record.state[off - 10 : off] = before
     record.state[off : off + 100], record.state[off + 100 :] = State.FAULT, State.OFF
