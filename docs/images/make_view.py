@@ -31,7 +31,7 @@ from flexmotion.streamer.run.session import Session
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 LIFTED = 0.8
 """A foot is in mid-step above this share of `SWING_M`."""
-SWING_M = 0.02
+SWING_M = 0.015
 """Usual height of a swing [m]."""
 _SETTLED_S, _SERVED_S = 2.5, 60.0
 """Time for the browser to draw, and longest time until the page is served [s]."""

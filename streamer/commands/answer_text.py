@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from flexmotion.streamer.motion.intents import from_content, words_of
+
 if TYPE_CHECKING:
     from flexmotion.streamer.gateway.connection import StopAnswer
     from flexmotion.streamer.gateway.messages import Answer
@@ -16,6 +18,16 @@ _STOPS = {
     "estop": "the robot stops, parks, and its torque goes off; then: flexmotion clear, flexmotion arm",
 }
 _SURE = 0.995
+_IDLE = {
+    "OFF": "its torque is off",
+    "READY": "it stands up, then stands",
+    "STREAMING": "it comes to a stand",
+    "HOLD": "it stands",
+    "PARK": "it lowers itself",
+    "DAMPED": "it has fallen",
+    "FAULT": "its torque is off",
+}
+"""What a robot that follows nothing does, by state."""
 
 
 def answer_line(answer: Answer) -> str:
@@ -60,7 +72,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "lies": _lies(found.get("gets_up_from")),
         "targets": "refused: a stop is in force (flexmotion clear)" if _stopped(found) else None,
         "limp joints": ", ".join(found["limp"]) or None,
-        "follows": _follows(found["following"]),
+        "follows": _follows(found["following"], state),
         "operator": found["operator"] or "nobody",
         "place": _place(found["odometry"]),
         "torso": _tilt(found["tilt"]),
@@ -81,10 +93,10 @@ def _stopped(found: Mapping[str, Any]) -> bool:
     return bool(found["must_stop"]) and not found["limp"] and found["state"] in ("READY", "STREAMING", "HOLD")
 
 
-def _follows(following: Mapping[str, Any] | None) -> str:
+def _follows(following: Mapping[str, Any] | None, state: str | None) -> str:
     """What the robot was told, by whom, and how it ended."""
     if following is None:
-        return "nothing: it stands, or its torque is off"
+        return f"nothing: {_IDLE[state]}" if state in _IDLE else "nothing"
     asked = "; ".join(_said(name, value) for name, value in following["asked"].items())
     heard = "" if following["heard_as"] in (None, *following["asked"]) else f", heard as {following['heard_as']}"
     slowed = "" if following["slowed"] is None else f", slowed to {following['slowed']}"
@@ -95,6 +107,8 @@ def _follows(following: Mapping[str, Any] | None) -> str:
 def _said(name: str, value: Any) -> str:
     if name == "text":
         return f'"{value}"'
+    if name in ("heading", "waypoint"):
+        return words_of(from_content({name: value}))
     return name if value is True else f"{name} {_plain(value)}"
 
 

@@ -124,6 +124,7 @@ class RunTotals:
         torque_source: of the first rows with torques.
         streamed: whether a plan was played.
         fall_tick: first tick with a tilt of a fall, or in which the loop found one; None: none.
+        laid_down: whether a robot without torque in the next row has been parked before.
     """
 
     plans: int = 0
@@ -133,6 +134,7 @@ class RunTotals:
     streamed: bool = False
     fall_tick: int | None = None
     last_plan: int = 0
+    laid_down: bool = True
 
     def fold(self, ticks: TickRow) -> None:
         """Add rows, (k,), in order."""
@@ -149,15 +151,31 @@ class RunTotals:
         self.streamed = self.streamed or bool((ticks.state == State.STREAMING).any())
         if self.fall_tick is None:
             _, x, y, _ = ticks.true_base[:, 3:].T
+            tilted = 1.0 - 2.0 * (x * x + y * y) < np.cos(FALL_TILT_RAD)
             fallen = np.flatnonzero(
-                (1.0 - 2.0 * (x * x + y * y) < np.cos(FALL_TILT_RAD)) | (ticks.state == State.DAMPED)
+                (tilted & ~laid_down(ticks.state, before=self.laid_down)) | (ticks.state == State.DAMPED)
             )
             self.fall_tick = int(ticks.tick[fallen[0]]) if len(fallen) else None
+        if len(ticks.state):
+            self.laid_down = bool(laid_down(ticks.state, before=self.laid_down)[-1]) or ticks.state[-1] == State.PARK
 
     def first_of_plans(self, ticks: TickRow) -> NDArray[np.int64]:
         """Rows at which plans begin that were not played before; their ids ascend."""
         plans, first = np.unique(ticks.plan, return_index=True)
         return np.asarray(first[plans > self.last_plan])
+
+
+def laid_down(states: NDArray[np.integer], *, before: bool = True) -> NDArray[np.bool_]:
+    """Ticks in which a robot has no torque because it was parked, or has not stood up yet; it may lie then.
+
+    Args:
+        states: of the ladder, (k,).
+        before: whether a robot without torque in the first tick was parked before.
+    """
+    off = np.isin(states, (State.OFF, State.FAULT))
+    last = np.maximum.accumulate(np.where(off, -1, np.arange(len(states))))
+    parked: NDArray[np.bool_] = off & np.where(last < 0, before, states[last] == State.PARK)
+    return parked
 
 
 def torque_source(ticks: TickRow) -> TorqueSource | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import shutil
 import sys
 import termios
 import time
@@ -36,6 +37,7 @@ _FASTER, _SLOWEST, _FASTEST = 1.25, 0.2, 3.0
 """Factor of "+" and "-", and its bounds in all."""
 _END_KEYS = {"\x03", "\x04"}
 """Ctrl-C and Ctrl-D."""
+_AFTER = {"stop": "c releases it", "estop": "it parks, torque off; then c clears the fault, o arms"}
 _WORDS = {"c": "clear", "o": "arm", "t": "take"}
 _TEXT_KEYS, _SEND_KEYS, _ERASE_KEYS = ("/", "\n", "\r"), ("\n", "\r"), ("\x7f", "\b")
 
@@ -63,6 +65,7 @@ class Keyboard:
         self._client: AsyncClient | None = None
         self._sent, self._sent_s = (0.0, 0.0, 0.0), 0.0
         self._typed: str | None = None
+        self._shown = ""
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self, terminal: int) -> None:
@@ -160,7 +163,7 @@ class Keyboard:
     async def _press_stop(self, what: str) -> None:
         try:
             answer = await asyncio.to_thread(self.stops.stop if what == "stop" else self.stops.estop)
-            self._show(f"{what}: {answer.state}" + (f", {answer.reason}" if answer.reason else ""))
+            self._show(f"{what}: {answer.state}, {answer.reason or _AFTER[what]}")
         except GatewayError as error:
             self._show(str(error))
             await self._ask({"type": what})
@@ -182,6 +185,12 @@ class Keyboard:
         task.add_done_callback(self._tasks.discard)
 
     def _show(self, text: str, end: str = "") -> None:
+        """Show a line in place of the one before; what is wider than the terminal stays, and is shown once."""
+        if text == self._shown:
+            return
+        self._shown = text
+        if len(text) >= shutil.get_terminal_size().columns:
+            end = "\n"
         with contextlib.suppress(OSError):  # the terminal was closed; the robot is still brought to a stand
             self.out.write(f"\r\x1b[K{text}{end}")
             self.out.flush()

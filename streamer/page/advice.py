@@ -6,6 +6,10 @@ import re
 
 _ADVICE = (
     (
+        r"FAULT: e-stop",
+        "The torque is off. See that nobody is in its way, clear the fault, then arm the robot: it stands up.",
+    ),
+    (
         r"e-stop",
         "The robot stops, lowers itself, and its torque goes off. See that nobody is in its way, clear the fault, then "
         "arm the robot: it stands up.",

@@ -44,17 +44,18 @@ class Pictures:
     def of(self, row: Row) -> bytes:
         """The picture of a row."""
         known = self.measured.show(row)
-        planned = self.planned.show(row)
-        feet = np.column_stack([row["foot_ref"], row["contact_ref"]])
+        planned = self.planned.show(row, self.measured)
+        place = self.planned.placement
+        feet = np.column_stack([place.feet(row["foot_ref"]), row["contact_ref"]])
         parts = (
             [float(row["tick"]) / self.measured.robot.rate_hz],
             _bodies(self.measured, known),
             _bodies(self.planned, planned),
             self._human_of(row),
             feet,
-            row["zmp_ref"],
-            row["zmp_ref"] + row["zmp_shift"],
-            row["dcm"],
+            place.points(row["zmp_ref"]),
+            place.points(row["zmp_ref"] + row["zmp_shift"]),
+            place.points(row["dcm"]),
             self.measured.com if known else np.full(3, np.nan),
             row["odometry"],
         )

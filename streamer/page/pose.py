@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -9,10 +10,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.spatial.heading import heading
+from flexmotion.spatial.heading import heading, matrix_heading
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the plan's world lies in the drawn one.
+
+    Attributes:
+        yaw: of the plan's world about z [rad].
+        pivot, to: a point (2,) of the plan's world, and where it is in the drawn one [m].
+    """
+
+    yaw: float
+    pivot: Float
+    to: Float
+
+    def points(self, xy: Float) -> Float:
+        """Points of the plan's world (..., 2) in the drawn one [m]."""
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        placed: Float = (np.asarray(xy, float) - self.pivot) @ np.array([[cos, sin], [-sin, cos]]) + self.to
+        return placed
+
+    def base(self, base: Float) -> Float:
+        """A torso (7,) of the plan's world in the drawn one."""
+        placed, turn = base.copy(), np.array([np.cos(0.5 * self.yaw), 0.0, 0.0, np.sin(0.5 * self.yaw)])
+        placed[:2] = self.points(base[:2])
+        mujoco.mju_mulQuat(placed[3:], turn, base[3:])
+        return placed
+
+    def feet(self, feet: Float) -> Float:
+        """Soles (2, 4) of the plan's world, x, y, z [m] and yaw [rad], in the drawn one."""
+        placed = np.array(feet, float)
+        placed[:, :2] = self.points(feet[:, :2])
+        placed[:, 3] += self.yaw
+        return placed
+
+
+AS_PLANNED = Placement(0.0, np.zeros(2), np.zeros(2))
 
 
 class Pose:
@@ -50,6 +88,11 @@ class Pose:
         rotation = self.data.xmat[feet].reshape(2, 3, 3)
         return self.data.xpos[feet] + np.einsum("fij,fj->fi", rotation, self.robot.soles)
 
+    @property
+    def sole_yaws(self) -> Float:
+        """Headings of the left and right foot, (2,) [rad]."""
+        return matrix_heading(self.data.xmat[list(self.robot.foot_ids)].reshape(2, 3, 3))
+
 
 class MeasuredPose(Pose):
     """The measured robot: the simulation's truth; on hardware joints and tilt as measured, on the planned feet."""
@@ -84,14 +127,39 @@ class MeasuredPose(Pose):
 
 
 class PlannedPose(Pose):
-    """The planned robot."""
+    """The planned robot, standing on the measured robot's feet.
 
-    def show(self, row: Row) -> bool:
-        """Set the reference of a row of `flexmotion.streamer.control.tick_row`; returns whether there is one."""
+    The plan's world drifts from the simulation's with what the feet slip. The poses are compared without that drift.
+
+    Attributes:
+        placement: of the plan's world in the drawn one, at the last `show`.
+    """
+
+    placement = AS_PLANNED
+
+    def show(self, row: Row, measured: MeasuredPose) -> bool:
+        """Set the reference of a row of `flexmotion.streamer.control.tick_row`; returns whether there is one.
+
+        Args:
+            row: of the loop.
+            measured: the robot of this row, already shown.
+        """
+        self.placement = AS_PLANNED
         known = bool(np.isfinite(row["base_ref"]).all() and np.isfinite(row["q_ref"]).all())
-        if known:
-            self.place(row["base_ref"], row["q_ref"])
-        return known
+        if not known:
+            return False
+        self.place(row["base_ref"], row["q_ref"])
+        if np.isfinite(row["true_base"]).all() and np.isfinite(row["q"]).all():
+            self.placement = self._under(measured, row["contact_ref"])
+            self.place(self.placement.base(row["base_ref"]), row["q_ref"])
+        return True
+
+    def _under(self, measured: MeasuredPose, in_contact: NDArray[np.bool_]) -> Placement:
+        """The placement that brings the planned feet in contact, or both, to the measured ones."""
+        feet = in_contact if in_contact.any() else ~in_contact
+        turns = measured.sole_yaws[feet] - self.sole_yaws[feet]
+        yaw = float(np.arctan2(np.sin(turns).mean(), np.cos(turns).mean()))
+        return Placement(yaw, self.soles[feet, :2].mean(axis=0), measured.soles[feet, :2].mean(axis=0))
 
 
 def _tilted(quaternion: Float, tilt: Float) -> Float:

@@ -18,7 +18,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_heading
-from flexmotion.streamer.control.run_totals import FALL_TILT_RAD
+from flexmotion.streamer.control.run_totals import FALL_TILT_RAD, laid_down
 from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
@@ -269,7 +269,8 @@ def motion_figures(
     rows = slice(record.used)
     base, q_ref, q = record.true_base[rows], record.q_ref[rows, robot.legs], record.q[rows, robot.legs]
     known = np.isfinite(base).all(axis=1)
-    fall = first_fall(base, robot.standing_height, should_stand)
+    lies = laid_down(record.state[rows], before=record.totals.laid_down)
+    fall = first_fall(np.where(lies[:, None], np.nan, base), robot.standing_height, should_stand)
     upright = np.arange(record.used) < (record.used if fall is None else fall)
     playing = np.isfinite(record.source_s[rows]) & upright
 

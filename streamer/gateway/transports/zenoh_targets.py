@@ -90,7 +90,7 @@ class _Desk:
     def _publish(self, status: Status) -> None:
         publisher = self._status
         if publisher is not None:
-            self._later(lambda: publisher.put(encode(status)))
+            self._later(lambda: publisher.put(status.model_dump_json()))
 
     def _put(self, sample: zenoh.Sample) -> None:
         operator = _last(sample)
@@ -120,7 +120,7 @@ class _Desk:
             return
 
         def reply(status: Status) -> None:
-            self._later(lambda: _reply(query, encode(status)))
+            self._later(lambda: _reply(query, status.model_dump_json()))
 
         self.hub.ask_status(reply)
 

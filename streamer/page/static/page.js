@@ -13,7 +13,8 @@ import { coded, doing } from "./words.js";
 
 const STATES = {
   OFF: ["torque off", ""], READY: ["ready", "good"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
-  PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], GET_UP: ["getting up", "warn"], FAULT: ["fault", "bad"],
+  PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], GET_UP: ["getting up", "warn"],
+  FAULT: ["fault, torque off", "bad"],
 };
 const EVENTS_KEPT = 40;
 const element = (id) => document.getElementById(id);
@@ -51,6 +52,8 @@ async function start() {
   document.title = `${robot.name} · FlexMotion`;
   curves = new Curves(1000 / robot.rate_hz);
   scene = new Scene(element("scene"), robot);
+  const alarm = element("alarm");
+  new ResizeObserver(() => scene.cover(alarm.offsetTop + alarm.offsetHeight)).observe(alarm); // 0 while it is hidden
   document.documentElement.classList.toggle("undrawn", !scene.renderer);
   scene.paint();
   scene.pickedUp = () => {

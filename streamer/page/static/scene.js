@@ -8,6 +8,7 @@ const FOLLOW_S = 0.4;
 const PATH_STEP_M = 0.01, PATH_KEPT = 800;
 const PATH_MEAN_S = 1.0; // its sway from foot to foot is no part of the way
 const HALO_M = 0.004;
+const HEADROOM = 0.05; // of the picture's height: free above the robot
 const JUMP = 0.4, RISE = 0.08; // of its height: between two pictures it cannot go so far, and without torque not rise so much
 
 // It knows where the robot is also in a browser that cannot draw it: steering goes on there.
@@ -47,6 +48,7 @@ export class Scene {
     this.powered = true; // whether its torque may be on
     this.pickedUp = () => {}; // called when somebody has set up a robot whose torque is off
     this.shown = { plan: true, human: true, balance: false };
+    this.covered = 0;
     this.resize = new ResizeObserver(() => this.fit());
     this.resize.observe(canvas.parentElement);
     this.fit();
@@ -348,16 +350,23 @@ export class Scene {
     }
   }
 
+  // What lies over the top of the picture, down to `pixels`: the robot is drawn below it.
+  cover(pixels) {
+    this.covered = pixels;
+    this.fit();
+  }
+
   fit() {
     if (!this.renderer) return;
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / Math.max(height, 1);
+    const top = Math.min(Math.max(this.covered - HEADROOM * height, 0), 0.5 * height), free = Math.max(height - top, 1);
+    this.camera.aspect = width / free;
     this.camera.fov = width < height ? 48 : 38;
     // On a phone the stick lies over the lower left corner.
-    if (width < 500) this.camera.setViewOffset(width, height, -0.1 * width, 0.08 * height, width, height);
-    else this.camera.clearViewOffset();
+    const [aside, up] = width < 500 ? [0.1 * width, 0.08 * free] : [0, 0];
+    this.camera.setViewOffset(width, free, -aside, up - top, width, height);
     this.camera.updateProjectionMatrix();
     this.changed = true;
   }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
 from flexmotion.streamer.gateway.connection import StopAnswer
 from flexmotion.streamer.gateway.messages import Answer
@@ -81,3 +83,20 @@ def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> Non
     ended = lines(following=Followed.model_validate(known | {"asked": {"text": "wave"}}))
     assert ended["follows"] == '"wave", heard as wave-right-hand, of a; ended: done'
     assert lines(loop="silent", state=None)["state"] == "the loop does not run; it was never started"
+
+
+def test_a_place_and_a_heading_are_told_in_metres_and_degrees() -> None:
+    """The status read "waypoint 1 0 None 0.1" and "heading 1.5708"."""
+    known = {"source": "a", "heard_as": "waypoint", "slowed": None, "target": 1, "tick": 2}
+    told = lines(following=Followed.model_validate(known | {"asked": {"waypoint": [1.0, 0.0, None, 0.1]}}))
+    assert told["follows"] == "waypoint 1 m ahead, 0 m left, of a"
+    known["heard_as"] = "heading"
+    told = lines(following=Followed.model_validate(known | {"asked": {"heading": [math.pi / 2]}}))
+    assert told["follows"] == "heading 90°, of a"
+
+
+def test_what_a_robot_that_follows_nothing_does_is_said_and_not_left_open() -> None:
+    """It read "it stands, or its torque is off", whatever the state."""
+    assert lines(state="OFF")["follows"] == lines(state="FAULT")["follows"] == "nothing: its torque is off"
+    assert lines(state="HOLD")["follows"] == "nothing: it stands"
+    assert lines(loop="silent", state=None)["follows"] == "nothing"

@@ -84,6 +84,22 @@ def test_a_fall_is_not_forgotten(how: str) -> None:
     assert motion.fell and motion.time_to_fall_s == 8.0
 
 
+@pytest.mark.parametrize("cut", [990, 1000, 1500])
+@pytest.mark.parametrize(("before", "fell"), [(State.PARK, False), (State.HOLD, True)])
+def test_a_parked_robot_without_torque_has_not_fallen_wherever_rows_are_cut(
+    before: State, fell: bool, cut: int
+) -> None:
+    record = RunTrace(RATE, JOINTS, kept_s=KEPT_S)
+    rows = blank(TickRow.dtype(joints=2), TICKS)
+    rows["tick"], rows["state"] = np.arange(TICKS), State.HOLD
+    rows["true_base"] = (0, 0, 0.25, 1, 0, 0, 0)
+    rows["state"][950:1000], rows["state"][1000:2000] = before, State.FAULT
+    rows["true_base"][1100:2000, 3:] = np.sqrt(0.5), np.sqrt(0.5), 0, 0
+    for part in (rows[:cut], rows[cut : cut + 300], rows[cut + 300 :]):
+        record.append(part)
+    assert build_report(record, INFO, FIGURES).motion.fell is fell
+
+
 def test_times_need_no_more_memory_the_more_of_them_there_are() -> None:
     times = Times()
     size = times._counts.nbytes

@@ -10,6 +10,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -187,6 +188,23 @@ def test_stops_work_with_the_gateway_dead_and_a_gateway_that_comes_back_is_used(
     wait_until(lambda: keyboard.shown.getvalue().count("connected") > before, "the connection to the next gateway")
     keyboard.press(b"w")
     wait_until(lambda: loop.seen, "the walk")
+
+
+def test_a_line_wider_than_the_terminal_stays_and_is_shown_once(
+    steered: Steered, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten refusals a second filled the terminal while a key was held: of each only the last row was replaced."""
+    keyboard = steered.keyboard
+    monkeypatch.setenv("COLUMNS", "30")
+    steered.ends.pop()(True)
+    wait_until(lambda: "no run listens" in keyboard.shown.getvalue(), "the lost connection to be told")
+    steered.begin_gateway()
+    wait_until(lambda: keyboard.shown.getvalue().endswith("connected"), "the connection to the next gateway")
+    shown = keyboard.shown.getvalue().split("\r\x1b[K")
+    assert all(text.endswith("\n") for text in shown if "no run listens" in text)
+    assert all(one != other for one, other in pairwise(shown))
+    keyboard.press(b" ")
+    wait_until(lambda: "stop: accepted, c releases it" in keyboard.shown.getvalue(), "how to go on")
 
 
 def test_a_terminal_that_is_closed_stands_the_robot(steered: Steered) -> None:

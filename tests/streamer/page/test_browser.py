@@ -14,7 +14,13 @@ from flexmotion.configs.robot import load_robot
 from .stand_in import StandIn, browser_page
 
 PHONE, DESK = {"width": 390, "height": 780}, {"width": 1280, "height": 800}
-STATES = {"OFF": "torque off", "STREAMING": "moving", "PARK": "parking", "FAULT": "fault", "HOLD": "stopped"}
+STATES = {
+    "OFF": "torque off",
+    "STREAMING": "moving",
+    "PARK": "parking",
+    "FAULT": "fault, torque off",
+    "HOLD": "stopped",
+}
 ACCESS = Path(__file__).with_name("page_access.js")
 """What WCAG 2.2 AA asks of a page: contrast of its texts (1.4.3), names of its controls (4.1.2), their size in pixels
 (2.5.8), contrast of the edges of its fields (1.4.11), and that the keyboard reaches them (2.1.1)."""

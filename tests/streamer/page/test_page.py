@@ -116,7 +116,7 @@ def test_a_real_robot_without_a_plan_stays_on_the_floor(robot: Robot, streaming:
     pose = MeasuredPose(robot)
     assert pose.show(row)
     assert pose.soles[:, 2].min() == pytest.approx(0.0, abs=1e-9)
-    assert not PlannedPose(robot).show(row)
+    assert not PlannedPose(robot).show(row, pose)
 
 
 def test_a_robot_that_never_answered_is_not_shown(robot: Robot, streaming: Row) -> None:
@@ -142,11 +142,13 @@ def parts(robot: Robot, picture: bytes) -> dict[str, np.ndarray]:
 
 
 def test_a_picture_has_every_body_where_it_is(robot: Robot, streaming: Row) -> None:
+    streaming = streaming.copy()
+    streaming["true_base"], streaming["q"] = streaming["base_ref"], streaming["q_ref"]
     found = parts(robot, Pictures(robot, None).of(streaming))
     data = mujoco.MjData(robot.model)
-    for name, base, q in (("measured", "true_base", "q"), ("planned", "base_ref", "q_ref")):
-        data.qpos[:7], data.qpos[robot.qpos_address] = streaming[base], streaming[q]
-        mujoco.mj_kinematics(robot.model, data)
+    data.qpos[:7], data.qpos[robot.qpos_address] = streaming["true_base"], streaming["q"]
+    mujoco.mj_kinematics(robot.model, data)
+    for name in ("measured", "planned"):
         np.testing.assert_allclose(found[name][:, :3], data.xpos, atol=1e-5)
         np.testing.assert_allclose(found[name][:, 3:], data.xquat, atol=1e-5)
     assert found["time"] == pytest.approx(streaming["tick"] / robot.rate_hz)
@@ -156,6 +158,27 @@ def test_a_picture_has_every_body_where_it_is(robot: Robot, streaming: Row) -> N
     np.testing.assert_allclose(found["odometry"], streaming["odometry"], atol=1e-6)
     np.testing.assert_allclose(found["zmp"], streaming["zmp_ref"] + streaming["zmp_shift"], atol=1e-6)
     assert np.isnan(found["human"]).all()  # nobody sends one
+
+
+def test_the_planned_robot_stands_on_the_feet_of_the_simulated_one(robot: Robot, streaming: Row) -> None:
+    """After a minute of walking it stood .4 m beside the robot, turned by 60°: the feet had slipped."""
+    row, turn = streaming.copy(), np.array([np.cos(0.5), 0.0, 0.0, np.sin(0.5)])
+    row["true_base"][:2] = row["base_ref"][:2] + [0.4, -0.3]
+    mujoco.mju_mulQuat(row["true_base"][3:], turn, np.array(row["base_ref"][3:]))
+    row["q"] = row["q_ref"]
+    row["q"][robot.joint_names.index("l_el")] += 0.3  # an arm lags
+    found = parts(robot, Pictures(robot, None).of(row))
+    feet, arm = list(robot.foot_ids), robot.model.body("l_el_link").id
+    np.testing.assert_allclose(found["planned"][feet], found["measured"][feet], atol=1e-4)
+    assert np.abs(found["planned"][arm, 3:] - found["measured"][arm, 3:]).max() > 0.05
+    soles = MeasuredPose(robot)
+    soles.show(row)
+    bears = row["contact_ref"]
+    np.testing.assert_allclose(found["feet"][bears, :2], soles.soles[bears, :2], atol=0.005)
+    centre = row["zmp_ref"] - row["base_ref"][:2]
+    np.testing.assert_allclose(
+        np.linalg.norm(found["zmp_ref"] - row["true_base"][:2]), np.linalg.norm(centre), atol=1e-4
+    )
 
 
 def test_a_robot_without_a_plan_has_no_planned_picture(robot: Robot, streaming: Row) -> None:

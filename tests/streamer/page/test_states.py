@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from flexmotion.configs.robot import load_robot
+from flexmotion.streamer.page.advice import advice
 
 from .stand_in import StandIn, browser_page
 
@@ -22,6 +23,14 @@ REASON = (
     "try: walk, bow, wave right hand"
 )
 """As `PromptReader` says it."""
+HEAD = """() => {
+  const { scene } = window.flexmotion, box = scene.canvas.getBoundingClientRect();
+  scene.scene.updateMatrixWorld();
+  const head = scene.measured.bodies[scene.robot.bodies.indexOf("head_tilt_link")];
+  const seen = head.getWorldPosition(scene.camera.position.clone()).project(scene.camera);
+  return box.top + (0.5 - 0.5 * seen.y) * box.height;
+}"""
+"""Height of the robot's head on the page [pixels]."""
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +184,42 @@ def test_a_phone_steers_and_recovers_without_scrolling(run: StandIn, size: tuple
             )
             assert reached, f"{element} is covered in {state}"
     assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.parametrize("size", [*ACROSS, *UPRIGHT, (1280, 800)])
+def test_the_robot_is_seen_below_what_to_do_next(run: StandIn, size: tuple[int, int]) -> None:
+    """On a phone the panel of an emergency stop covered the robot but for its feet; held across, the switches too."""
+    page = run.page
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    told = {"headline": "Emergency stop pressed", "advice": advice(f"PARK -> FAULT: {CAUSE}")}
+    for state, known in (("OFF", {}), ("HOLD", {"must_stop": True}), ("FAULT", {"cause": CAUSE})):
+        if state == "FAULT":
+            run.send({"type": "event", "time_s": 3.0, "kind": "fault", "message": f"PARK -> FAULT: {CAUSE}", **told})
+        run.status(state, **known)
+        run.until(lambda: page.locator("#alarm").is_visible(), f"the panel in {state}")
+        run.until(lambda: page.evaluate("() => window.flexmotion.scene.covered > 0"), "the picture to know of it")
+        head = page.evaluate(HEAD)
+        alarm, legend = page.locator("#alarm").bounding_box(), page.locator(".legend").bounding_box()
+        assert alarm is not None
+        assert head > alarm["y"] + alarm["height"], (state, head, alarm)
+        apart = legend is None or legend["y"] + legend["height"] <= alarm["y"]
+        assert apart, f"the panel covers the switches in {state}"
+    run.status("READY")
+    run.until(lambda: page.evaluate("() => window.flexmotion.scene.covered === 0"), "the picture to be whole again")
+
+
+def test_the_answer_is_seen_on_a_phone_that_is_held_across(run: StandIn) -> None:
+    """The suggestions took four rows: what was refused, and why, was below the edge."""
+    page = run.page
+    page.set_viewport_size({"width": ACROSS[0][0], "height": ACROSS[0][1]})
+    page.fill("#prompt", "climb the stairs")
+    page.press("#prompt", "Enter")
+    run.until(lambda: run.asked, "the prompt to be sent")
+    run.answer(state="refused", reason=REASON)
+    run.until(lambda: page.locator("#history .why").first.is_visible(), "the answer")
+    box = page.locator("#history .why").first.bounding_box()
+    assert box is not None and box["y"] + box["height"] <= ACROSS[0][1]
+    assert page.locator("#suggestions button").last.is_visible()  # a swipe away
 
 
 # ------------------------------------------------------------ what the robot does

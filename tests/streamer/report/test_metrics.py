@@ -152,6 +152,18 @@ def test_a_robot_that_goes_part_of_the_way_is_the_rest_behind(
     assert found.behind_m == pytest.approx((1.0 - share) * way, abs=0.02 * way)
 
 
+@pytest.mark.parametrize(("before", "fell"), [(State.PARK, False), (State.STREAMING, True)])
+def test_a_parked_robot_whose_torque_is_off_has_not_fallen(
+    record: RunTrace, figures: RobotFigures, human: HumanTrack, before: State, fell: bool
+) -> None:
+    """A live run that was disarmed ended in "FAIL fell after 257 s": without torque the robot had leant over."""
+    off = 500
+    record.state[off - 10 : off] = before
+    record.state[off : off + 100], record.state[off + 100 :] = State.FAULT, State.OFF
+    record.true_base[off:, 3:] = quaternion("y", 80)
+    assert motion_figures(record, figures, human, should_stand=standing(record)).fell is fell
+
+
 def test_what_follows_a_fall_does_not_count(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     fall = 500
     record.true_base[fall:, 3:] = quaternion("y", 80)

@@ -17,6 +17,7 @@ from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.messages import KINDS
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.proofs import Prover
+from flexmotion.streamer.gateway.status import Status
 from flexmotion.streamer.gateway.transports.zenoh_client import ZenohClient
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
@@ -156,6 +157,16 @@ def test_the_status_is_told_to_who_asks_and_who_reads(serve: Serve, sessions: Ex
     client.session.declare_subscriber("flexmotion/*/status", lambda sample: read.append(sample.payload.to_bytes()))
     wait_until(lambda: len(read) >= 3, "the status to be published")
     assert json.loads(read[0])["loop"] == "ticks"
+    assert set(json.loads(read[0])) == set(client.ask("status")) == set(Status.model_fields)
+
+
+def test_the_command_prints_the_status_over_zenoh(
+    serve: Serve, sessions: ExitStack, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ended in a traceback, KeyError: 'cause': over zenoh the status had no key for what is not known."""
+    monkeypatch.setattr("flexmotion.streamer.gateway.transports.zenoh_client.PATIENCE_S", HANGING_S)
+    assert execute(["status", "--zenoh", Network(serve).gate]) == 0
+    assert "op3 on sim" in capsys.readouterr().out
 
 
 def test_stops_reach_the_stop_process_with_the_gateway_dead(serve: Serve, sessions: ExitStack) -> None:
