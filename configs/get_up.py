@@ -7,6 +7,7 @@ about pi/2 on the front and -pi/2 on the back.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -97,31 +98,57 @@ class GetUpStep:
     wait_s: float
 
 
-GetUp = dict[str, tuple[GetUpStep, ...]]
-"""Steps by side; sides that the robot does not get up from are missing."""
+@dataclass(frozen=True)
+class GetUp:
+    """From which sides a robot gets up.
+
+    Attributes:
+        steps: by side.
+        unfit: by side, why the steps of the file are none for this robot. A copy of a robot's folder with other limits
+            or servos is a robot all the same; it does not get up from there.
+    """
+
+    steps: Mapping[str, tuple[GetUpStep, ...]]
+    unfit: Mapping[str, str]
 
 
 def read_get_up(robot: Robot) -> GetUp:
-    """The steps of a robot; empty where there is no file.
+    """How a robot gets up; from no side where there is no file.
 
     Raises:
-        ConfigError: the file is malformed, names an unknown joint, or asks for an angle outside a joint's limits or a
-            speed that its servo does not reach.
+        ConfigError: the file is malformed, names an unknown joint, or takes too long.
     """
-    file = robot.folder / FILE
-    if not file.is_file():
-        return {}
-    content = load(GetUpFile, file)
-    _VERSIONS.check(content.version, file)
-    written = {"front": content.front, "back": content.back}
-    return {side: steps_of(robot, steps, f"{file}: {side}") for side, steps in written.items() if steps is not None}
+    file, steps, unfit = robot.folder / FILE, {}, {}
+    if file.is_file():
+        content = load(GetUpFile, file)
+        _VERSIONS.check(content.version, file)
+        for side, written in (("front", content.front), ("back", content.back)):
+            if written is None:
+                continue
+            origin = f"{file}: {side}"
+            _check_written(robot, written, origin)
+            try:
+                steps[side] = steps_of(robot, written, origin)
+            except ConfigError as error:
+                unfit[side] = str(error)
+    return GetUp(steps, unfit)
 
 
-def steps_of(robot: Robot, written: Steps, origin: str) -> tuple[GetUpStep, ...]:
-    """Steps with their poses as arrays, checked against the robot. Raises `ConfigError` (see `read_get_up`)."""
+def _check_written(robot: Robot, written: Steps, origin: str) -> None:
+    """Check what a side has that no limit and no servo of a robot makes right or wrong. Raises `ConfigError`."""
     longest_s = sum(one.seconds + one.hold_s + one.wait_s for one in written)
     if longest_s > LONGEST_S:
         raise ConfigError(f"{origin}: the steps take up to {longest_s:.0f} s, expected at most {LONGEST_S:g}")
+    for one in written:
+        robot.check_joint_names(f"{origin}, step {one.name!r}", one.pose)
+
+
+def steps_of(robot: Robot, written: Steps, origin: str) -> tuple[GetUpStep, ...]:
+    """Steps with their poses as arrays.
+
+    Raises:
+        ConfigError: a pose is outside the limits of a joint, or asks for a speed that its servo does not reach.
+    """
     steps: list[GetUpStep] = []
     for one in written:
         q = robot.pose(f"{origin}, step {one.name!r}", one.pose)

@@ -252,10 +252,9 @@ class Robot:
 
         Raises `ConfigError`, which begins with `origin`, for a joint that there is not and an angle outside its limits.
         """
+        self.check_joint_names(origin, pose)
         values = np.zeros(self.n)
         for joint, value in pose.items():
-            if joint not in self.joint_names:
-                raise ConfigError(f"{origin}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
             values[self.joint_names.index(joint)] = value
         outside = np.flatnonzero((values < self.lower) | (values > self.upper))
         if len(outside):
@@ -265,6 +264,12 @@ class Robot:
                 f"{list(joint_config.limits)}"
             )
         return _frozen(values)
+
+    def check_joint_names(self, origin: str, names: Iterable[str]) -> None:
+        """Raise `ConfigError`, which begins with `origin`, for a joint that there is not."""
+        for joint in names:
+            if joint not in self.joint_names:
+                raise ConfigError(f"{origin}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
 
     def _check_joints(self) -> None:
         """Check that every joint of the file is a hinge of the MJCF, and every joint of the MJCF is in the file."""

@@ -83,13 +83,15 @@ def main(
 ) -> Outcome:
     """Let robots fall and get up, or tune how they do."""
     chosen = load_robot(robot)
-    names: list[str] = [side for side in SIDES if side in chosen.get_up and (sides is None or side in sides)]
+    names: list[str] = [side for side in SIDES if side in chosen.get_up.steps and (sides is None or side in sides)]
     if not names:
-        raise ConfigError(f"{robot}: no steps for {', '.join(sides or SIDES)}; it has: {', '.join(chosen.get_up)}")
+        raise ConfigError(
+            f"{robot}: no steps for {', '.join(sides or SIDES)}; it has: {', '.join(chosen.get_up.steps)}"
+        )
     if tune_to is not None:
         from benchmarks.shared.get_up_tuning import tune
 
-        tuned = dict(chosen.get_up)
+        tuned = dict(chosen.get_up.steps)
         for side in names:
             tuned[side] = tune(chosen, side, TUNED_SEED, minutes, tune_to.with_suffix(f".{side}.state"))
         write_get_up(chosen, tuned, tune_to)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from flexmotion.configs.get_up import FILE, GetUp, GetUpStep, least_seconds
+from flexmotion.configs.get_up import FILE, GetUpStep, least_seconds
 from flexmotion.configs.robot import Robot
 
 Float = NDArray[np.float64]
@@ -32,7 +32,7 @@ class TunedPoses:
     """
 
     def __init__(self, robot: Robot, side: str) -> None:
-        self.robot, self._steps = robot, robot.get_up[side]
+        self.robot, self._steps = robot, robot.get_up.steps[side]
         tuned = range(len(self._steps) - KEPT_STEPS)
         self._angles = [(k, left, right) for k in tuned for left, right in self._pairs(self._steps[k].q)]
         self._durations = list(tuned)
@@ -69,7 +69,7 @@ class TunedPoses:
         return [(a, b) for a, b in found if q[a] != 0.0 and abs(abs(q[a]) - abs(q[b])) < 1e-6]
 
 
-def write_get_up(robot: Robot, get_up: GetUp, file: Path) -> None:
+def write_get_up(robot: Robot, get_up: Mapping[str, tuple[GetUpStep, ...]], file: Path) -> None:
     """Write steps as a get-up file, one a side; its comments are those of whoever keeps it."""
     content = {side: [_content(robot, step) for step in steps] for side, steps in get_up.items()}
     text = yaml.safe_dump({"version": 1, **content}, sort_keys=False, allow_unicode=True, width=112)

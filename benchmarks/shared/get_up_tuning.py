@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -51,7 +52,8 @@ def cost_of(got_up: GotUp) -> float:
 
 def attempt(one: Fallen, steps: tuple[GetUpStep, ...]) -> GotUp:
     """Let a fallen robot get up by given steps."""
-    one.robot.get_up[str(one.lies_on)] = steps
+    robot = one.robot
+    robot.get_up = replace(robot.get_up, steps={**robot.get_up.steps, str(one.lies_on): steps})
     return one.get_up()
 
 

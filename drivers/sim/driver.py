@@ -277,7 +277,7 @@ class SimDriver(LockstepDriver):
     def _gets_up(self) -> bool:
         """Whether it lies on a side that its get-up file has steps for."""
         ahead, left, _ = self.data.xmat[self._torso].reshape(3, 3)[2]
-        return abs(left) < _ON_ITS_SIDE and ("front" if ahead < 0.0 else "back") in self.robot.get_up
+        return abs(left) < _ON_ITS_SIDE and ("front" if ahead < 0.0 else "back") in self.robot.get_up.steps
 
     def truth(self) -> Truth:
         """The true state now; torque and saturation are those of the last `advance`."""

@@ -45,7 +45,7 @@ def robots(
         else:
             print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
-            print_result(f"\n{_pace(chosen)}")
+            print_result(f"\n{_pace(chosen)}\n{_get_up(chosen)}")
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
@@ -94,7 +94,8 @@ def _detail(robot: Robot) -> dict[str, Any]:
     speeds = None
     if pace is not None:
         speeds = {f"{name}_{'rad' if name == 'turning' else 'm'}_s": speed for name, speed in pace}
-    return _summary(robot) | {"pace": speeds, "joint_list": joints}
+    get_up = {"sides": list(robot.get_up.steps), "unfit": dict(robot.get_up.unfit)}
+    return _summary(robot) | {"pace": speeds, "gets_up": get_up, "joint_list": joints}
 
 
 def _pace(robot: Robot) -> str:
@@ -105,6 +106,12 @@ def _pace(robot: Robot) -> str:
         f"Generated motion is slowed to this robot's pace: {pace.ahead:g} m/s ahead, {pace.back:g} back, "
         f"{pace.aside:g} aside, turning {pace.turning:g} rad/s"
     )
+
+
+def _get_up(robot: Robot) -> str:
+    sides, unfit = robot.get_up.steps, robot.get_up.unfit
+    told = [f"Gets up on request from its {' and '.join(sides)}" if sides else "Does not get up after a fall"]
+    return "\n".join(told + [f"Does not get up from its {side}: {reason}" for side, reason in unfit.items()])
 
 
 def _joints(robot: Robot) -> Table:

@@ -311,7 +311,7 @@ class ControlLoop:
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.GET_UP:
             side = lying_on(self.estimator.tilt, robot.safety.fall_tilt)
-            self.get_up.begin(self._switch_on(), robot.get_up[str(side)])
+            self.get_up.begin(self._switch_on(), robot.get_up.steps[str(side)])
         elif state is State.PARK:
             self.intake.forget()
             # From the reference of the goals, not from the measurement: that is what the servos hold.

@@ -25,7 +25,7 @@ def why_not_arm(robot: Robot, estimator: Estimator) -> str | None:
     if not estimator.has_imu or side is None:
         return None
     lies = f"the torso is tilted by {math.degrees(estimator.tilt_angle):.0f}°: the robot lies; {_BY_HAND}"
-    return f"{lies}, or let it get up: flexmotion clear --get-up" if side in robot.get_up else lies
+    return f"{lies}, or let it get up: flexmotion clear --get-up" if side in robot.get_up.steps else lies
 
 
 def gets_up_from(robot: Robot, row: TickRow) -> str | None:
@@ -33,7 +33,7 @@ def gets_up_from(robot: Robot, row: TickRow) -> str | None:
     if State(int(row.state)) not in (State.OFF, State.FAULT) or int(row.imu_stale) != 0:
         return None
     side = lying_on(row.tilt, robot.safety.fall_tilt)
-    return side if side in robot.get_up else None
+    return side if side in robot.get_up.steps else None
 
 
 def why_not_get_up(robot: Robot, estimator: Estimator, gyro: NDArray[np.float64]) -> str | None:
@@ -43,16 +43,20 @@ def why_not_get_up(robot: Robot, estimator: Estimator, gyro: NDArray[np.float64]
         gyro: measured angular velocity of the torso, (3,) [rad/s].
     """
     side = lying_on(estimator.tilt, robot.safety.fall_tilt)
-    if not robot.get_up:
+    get_up = robot.get_up
+    if not (get_up.steps or get_up.unfit):
         return f"{robot.name} has no {FILE} in its folder, it does not get up by itself: {_BY_HAND}"
     if not estimator.has_imu:
         return f"without an IMU it is not known how the robot lies: {_BY_HAND}"
     if side is None:
         return "the robot does not lie: clear, then arm"
-    if side not in robot.get_up:
-        return (
-            f"the robot lies on its {side}, it gets up from its {' or '.join(robot.get_up)} alone: turn it over by hand"
-        )
+    if side in get_up.unfit:
+        why = get_up.unfit[side]
+        return f"the robot lies on its {side}, and the way up from there is not for this robot ({why}): {_BY_HAND}"
+    if side not in get_up.steps:
+        sides = " or ".join(get_up.steps)
+        way = f"it gets up from its {sides} alone: turn it over by hand" if sides else f"it does not get up: {_BY_HAND}"
+        return f"the robot lies on its {side}, {way}"
     if float(np.linalg.norm(gyro)) > _STILL:
         return "the robot is being moved: let go of it, then ask again"
     return None

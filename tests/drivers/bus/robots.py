@@ -8,7 +8,6 @@ from typing import Any
 
 import yaml
 
-from flexmotion.configs import get_up
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.body import BenchBody
@@ -17,12 +16,9 @@ from flexmotion.drivers.registry import create
 
 
 def op3_with(folder: Path, *, servo: str, **bus: Any) -> Robot:
-    """OP3 without IMU, with another servo on its only bus, and limits inside the range of that servo.
-
-    How it gets up is left out: that is proven for the servos and limits of OP3.
-    """
+    """OP3 without IMU, with another servo on its only bus, and limits inside the range of that servo."""
     place = folder / servo
-    shutil.copytree(ROBOTS / "op3", place, ignore=shutil.ignore_patterns(get_up.FILE))
+    shutil.copytree(ROBOTS / "op3", place)
     content = yaml.safe_load((place / "op3.yaml").read_text(encoding="utf-8"))
     content.pop("imu")
     content["buses"]["main"] = bus

@@ -25,7 +25,7 @@ def middle(move: GetUpMove) -> np.ndarray:
 def test_it_goes_through_all_poses_without_a_jump(op3: Robot, side: str) -> None:
     move, reference = GetUpMove(op3), Reference(op3.n)
     limp = np.clip(op3.stand_pose + 0.5, op3.lower, op3.upper)
-    move.begin(limp, op3.get_up[side])
+    move.begin(limp, op3.get_up.steps[side])
     before, fastest = limp, 0.0
     while not move.done and move.failed is None:
         move.step(reference, middle(move))
@@ -34,12 +34,12 @@ def test_it_goes_through_all_poses_without_a_jump(op3: Robot, side: str) -> None
         fastest, before = max(fastest, float((step / op3.no_load_speed).max())), reference.q.copy()
         assert not reference.torque.any() and not reference.balanced
     assert move.done and fastest <= 0.9 + 1e-9
-    assert np.allclose(reference.q, op3.get_up[side][-1].q)
+    assert np.allclose(reference.q, op3.get_up.steps[side][-1].q)
 
 
 def test_the_way_from_where_the_limp_joints_lie_is_slow(op3: Robot) -> None:
     move, reference = GetUpMove(op3), Reference(op3.n)
-    move.begin(op3.upper.copy(), op3.get_up["front"])
+    move.begin(op3.upper.copy(), op3.get_up.steps["front"])
     for _ in range(50):
         move.step(reference, np.array([0.0, 1.5]))
         assert np.abs(reference.qd).max() <= 2 * op3.safety.soft_start_speed + 1e-9
@@ -47,8 +47,8 @@ def test_the_way_from_where_the_limp_joints_lie_is_slow(op3: Robot) -> None:
 
 def test_a_step_waits_for_the_torso_and_then_gives_up(op3: Robot) -> None:
     move, reference = GetUpMove(op3), Reference(op3.n)
-    first = op3.get_up["back"][0]
-    move.begin(first.q.copy(), op3.get_up["back"])
+    first = op3.get_up.steps["back"][0]
+    move.begin(first.q.copy(), op3.get_up.steps["back"])
     upright, ticks = np.zeros(2), 0
     while move.failed is None:
         move.step(reference, upright)
@@ -59,7 +59,7 @@ def test_a_step_waits_for_the_torso_and_then_gives_up(op3: Robot) -> None:
 
 def test_a_robot_that_rolls_onto_its_side_gives_up(op3: Robot) -> None:
     move, reference = GetUpMove(op3), Reference(op3.n)
-    move.begin(op3.get_up["front"][0].q.copy(), op3.get_up["front"])
+    move.begin(op3.get_up.steps["front"][0].q.copy(), op3.get_up.steps["front"])
     while move.failed is None:
         move.step(reference, np.array([1.4, 0.1]))
     assert "it leans to its side by" in move.failed

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexmotion.configs.get_up import GetUp
 from flexmotion.drivers.simulated import lockstep
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.run.requests import Request
@@ -165,7 +166,7 @@ def test_a_robot_that_does_not_come_up_gives_up(monkeypatch: pytest.MonkeyPatch)
 
 def test_without_a_file_it_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = Fallen(AHEAD)
-    monkeypatch.setattr(run.session.robot, "get_up", {})
+    monkeypatch.setattr(run.session.robot, "get_up", GetUp({}, {}))
     with run.session:
         run.fall()
         assert "has no get_up.yaml" in refused(run)
