@@ -24,7 +24,8 @@ _IDLE = {
     "STREAMING": "it comes to a stand",
     "HOLD": "it stands",
     "PARK": "it lowers itself",
-    "DAMPED": "it has fallen",
+    "DAMPED": "it gives way",
+    "GET_UP": "it gets up",
     "FAULT": "its torque is off",
 }
 """What a robot that follows nothing does, by state."""

@@ -69,6 +69,7 @@ class GetUpMove:
         np.copyto(reference.q, self._start + after * span)
         np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)
         reference.torque[:] = 0.0
+        reference.stiffness.fill(1.0)  # what a plan before the fall asked for is over
         reference.balanced = False
         self._tick += 1
 

@@ -94,6 +94,7 @@ class ControlLoop:
         self.servo = ServoCommand(robot, driver.delay_s, driver.turns)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.get_up = GetUpMove(robot)
+        self._uncapped = np.full(robot.n, np.inf)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
@@ -202,8 +203,10 @@ class ControlLoop:
         if state is State.READY and self.move.done and not self.gyro_bias.done:
             self._measure_gyro_bias()
         inputs.move_done = self._arrived if state is not State.GET_UP else self.get_up.done
-        if state is State.GET_UP and self.get_up.failed is not None:
-            inputs.get_up_failed = f"get up: {self.get_up.failed}"
+        if state is State.GET_UP:
+            # Without an IMU the tilt is the planned one: steps would pass unseen.
+            failed = self.get_up.failed if self.estimator.has_imu else "the IMU does not answer"
+            inputs.get_up_failed = None if failed is None else f"get up: {failed}"
         if state is State.OFF or inputs.get_up:
             self._check_start()
             return
@@ -269,6 +272,9 @@ class ControlLoop:
             self.state, self.plausibility.unread, self.estimator.has_imu
         )
         if self.inputs.get_up:
+            if self.inputs.start:  # one operator's arm beside another's: neither check would cover both
+                self.inputs.start = False
+                self._emit("refused", "ARM: the robot is asked to get up")
             reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro)
             if reason is not None:
                 self.inputs.get_up = False
@@ -356,9 +362,9 @@ class ControlLoop:
             place = float(self.tick_count - plan.start_tick)
             self.now.take(plan, place)
             self.ahead.take(plan, place + self._lead)
-            np.copyto(self.servo.cap, plan.torque_cap)
+            self.servo.take_cap(plan.torque_cap)
         else:
-            self.servo.cap.fill(np.inf)
+            self.servo.take_cap(self._uncapped)
             self.move.step(self.now)
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None
@@ -373,7 +379,7 @@ class ControlLoop:
             self.state,
             expected,
             stiffness=self.ahead.stiffness,
-            slow=plan is None,
+            slow=plan is None and playback is not Playback.GET_UP,
             impacts=playback is Playback.GET_UP,
         )
         self.command.position[:] = goals

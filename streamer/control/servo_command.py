@@ -37,6 +37,9 @@ IMPACT_BRAKING_SHARE = 0.5
 """The same for a robot that gets up: the ground stops joints while a goal is under way, by up to 2.1 rad/s (back-EMF of
 XM430-W350: 1.8 N·m). With `BRAKING_SHARE` two goals in 20 rises from the front were outside the envelope."""
 
+CAP_RISE_S = 0.2
+"""Time in which a cap rises to the stall torque [s]: as long as a soft joint takes to become stiff."""
+
 DECAY_SHARE = 0.25
 """Speed at which an offset decays, over the servo's no-load speed: the rest is left for the motion of the plan."""
 
@@ -84,6 +87,7 @@ class ServoCommand:
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
         self._rejoins = np.zeros(robot.n, np.bool_)
         self._acceleration = robot.usable_torque * robot.model.dof_invweight0[robot.dof_address]
+        self._cap_step = robot.stall_torque / (CAP_RISE_S * robot.rate_hz)
         self._silent_s, self._read_s = np.zeros(robot.n), 1.0 / (robot.rate_hz * turns)
 
     def reset(self, position: Float) -> None:
@@ -91,11 +95,20 @@ class ServoCommand:
         np.copyto(self.goal, position)
         self._velocity[:] = self.offset[:] = 0.0
         self.softness.reset()
+        self.cap.fill(np.inf)
         self._trust[:] = 1.0
         self._doubts = False
         self._supply[:] = np.nan
         self._rejoins[:] = False
         self._silent_s[:] = 0.0
+
+    def take_cap(self, cap: Float) -> None:
+        """Take the caps of this tick, (n,) [N·m]: lower ones at once, higher ones in `CAP_RISE_S` at most.
+
+        Whatever holds a capped joint back is not hit by all of the torque when the cap is let go.
+        """
+        np.minimum(cap, self.cap + self._cap_step, out=self.cap)
+        np.copyto(self.cap, cap, where=self.cap >= self.robot.stall_torque)
 
     def rejoin(self) -> None:
         """The next goals begin at those in effect, which the reference may have left: a stream begins, or was late."""
@@ -280,16 +293,14 @@ class ServoCommand:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
         """
         robot = self.robot
-        braking = np.minimum(BRAKING_SHARE * robot.stall_torque * supply, self.cap)
+        share = IMPACT_BRAKING_SHARE if self._impacts else BRAKING_SHARE
+        braking = np.minimum(share * robot.stall_torque * supply, self.cap)
         drag = robot.back_emf * velocity
         if usable is None:
             most = np.minimum(np.maximum(braking, robot.usable_torque * supply), self.cap)
             return position + (drag - most) / kp, position + (drag + most) / kp
         usable = np.minimum(usable * supply, self.cap)
-        if self._impacts:
-            more = np.minimum(IMPACT_BRAKING_SHARE * robot.stall_torque * supply - usable, 0.0)
-        else:
-            more = np.maximum(braking - usable, 0.0)
+        more = np.minimum(braking - usable, 0.0) if self._impacts else np.maximum(braking - usable, 0.0)
         along = np.minimum(np.maximum(velocity / BRAKING_SPEED, -1.0), 1.0)
         upper = usable + more * np.maximum(-along, 0.0)
         lower = -usable - more * np.maximum(along, 0.0)

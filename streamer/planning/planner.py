@@ -116,7 +116,7 @@ class Planner:
             restrictions=restrictions,
             checkpoint=checkpoint,
         )
-        if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
+        if not all(np.isfinite(part).all() for part in (plan.q, plan.qd, plan.torque, plan.stiffness)):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is the source's end only if the plan has followed all of it.
         over = ended and plan.stop_row < horizon and not stop

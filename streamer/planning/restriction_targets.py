@@ -32,7 +32,7 @@ Float = NDArray[np.float64]
 
 _LATE_S = 0.05
 """A foot that is down later than asked by more than this is called slowed [s]."""
-_WITHOUT_TORQUE = (State.OFF, State.PARK, State.DAMPED, State.FAULT)
+_WITHOUT_TORQUE = (State.OFF, State.PARK, State.DAMPED, State.FAULT, State.GET_UP)
 """States in which restrictions end: the robot does not stand, or will stand elsewhere."""
 
 
@@ -86,6 +86,9 @@ class RestrictionTargets:
     def let_all_go(self) -> None:
         """All that restricts the robot is to end, on a request that is answered elsewhere."""
         self._all_go = True
+        for target, _ in self._waiting:  # they came before
+            self._tell(target, "superseded", "it was let go right after it")
+        self._waiting = []
 
     def update(self, row: TickRow, tick: float, now_s: float, upper: Float) -> None:
         """Take what has arrived, and answer what is known.

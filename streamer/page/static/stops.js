@@ -69,7 +69,7 @@ export class Stops {
   show({ state, must_stop, cause, loop, gets_up_from }) {
     this.state = state;
     if (["FAULT", "DAMPED"].includes(state) || (state === "PARK" && cause)) this.recovering = true;
-    if (state === "DAMPED" || /^(fall|kill)\b/.test(cause ?? "")) this.fell = true;
+    if (state === "DAMPED" || /^(fall|kill|get up)\b|while it got up/.test(cause ?? "")) this.fell = true;
     if (["READY", "STREAMING", "HOLD"].includes(state)) this.recovering = this.fell = false;
     const risen = state === "GET_UP";
     const silent = loop === "silent";

@@ -63,3 +63,12 @@ def test_a_robot_that_rolls_onto_its_side_gives_up(op3: Robot) -> None:
     while move.failed is None:
         move.step(reference, np.array([1.4, 0.1]))
     assert "it leans to its side by" in move.failed
+
+
+def test_a_robot_that_fell_while_its_arms_were_soft_gets_up_with_stiff_ones(op3: Robot) -> None:
+    """It pushed itself up with the stiffness of the plan that was played before the fall."""
+    move, reference = GetUpMove(op3), Reference(op3.n)
+    reference.stiffness[:] = 0.3
+    move.begin(op3.stand_pose.copy(), op3.get_up.steps["back"])
+    move.step(reference, middle(move))
+    assert (reference.stiffness == 1.0).all()

@@ -284,3 +284,28 @@ def test_all_of_the_stiffness_gives_the_goals_of_a_command_that_knows_no_share()
         one.update(ROBOT.stand_pose, speed, 0.2 * speed, state)
         other.update(ROBOT.stand_pose, speed, 0.2 * speed, state, stiffness=np.ones(N))
         np.testing.assert_array_equal(one.goal, other.goal)
+
+
+def test_a_cap_that_is_let_go_does_not_hit_what_holds_the_joint() -> None:
+    """All of the torque came within one tick; lower caps hold at once."""
+    command, none = ServoCommand(ROBOT, DELAY), np.full(N, np.inf)
+    state, zero = measured(ROBOT.stand_pose, voltage=12.0), np.zeros(N)
+    shoulder, ahead = ROBOT.index("l_sho_pitch"), ROBOT.stand_pose.copy()
+    ahead[shoulder] += 0.6
+    command.take_cap(np.full(N, 0.3))
+    pushes = []
+    for cap in [np.full(N, 0.3)] * 3 + [none] * 40:
+        command.take_cap(cap)
+        command.update(ahead, zero, zero, state)
+        pushes.append(float((ROBOT.kp * (command.goal - state.position))[shoulder]))
+    assert pushes[2] <= 0.3 + 1e-9 and pushes[-1] == pytest.approx(ROBOT.usable_torque[shoulder])
+    assert np.diff(pushes[2:]).max() <= ROBOT.stall_torque[shoulder] / 20
+    assert np.isinf(command.cap).all()
+
+
+def test_no_cap_is_left_when_torque_goes_on_again() -> None:
+    """A cap that held before a fall still bounded the arms while the robot got up."""
+    command = ServoCommand(ROBOT, DELAY)
+    command.take_cap(np.full(N, 0.3))
+    command.reset(ROBOT.stand_pose)
+    assert np.isinf(command.cap).all()

@@ -170,3 +170,30 @@ def test_without_a_file_it_is_refused(tmp_path: Path, monkeypatch: pytest.Monkey
     with run.session:
         run.fall()
         assert "has no get_up.yaml" in refused(run)
+
+
+def test_an_arm_beside_a_get_up_is_refused() -> None:
+    """Asked for both in one tick, a robot that must not get up was armed without any check."""
+    run = Fallen(ASIDE)
+    with run.session as session:
+        run.fall()
+        run.ask(Request.CLEAR)
+        session.ask(Request.ARM)
+        session.ask(Request.GET_UP)
+        session.advance(0.1)
+        assert session.state.ladder is State.OFF
+        arm, get_up = run.messages("refused")[-2:]
+        assert arm == "ARM: the robot is asked to get up" and get_up.startswith("GET_UP: the robot lies on its side")
+
+
+def test_an_imu_that_is_lost_half_way_up_ends_it() -> None:
+    """Steps were judged by the tilt that the last plan had: the robot went on up, blind."""
+    run = Fallen(BACK)
+    with run.session as session:
+        run.fall()
+        run.ask(Request.GET_UP)
+        session.advance(2.0)
+        lockstep(session.driver)._imu = None  # type: ignore[union-attr]
+        session.advance(1.5)
+        assert session.state.ladder in (State.DAMPED, State.FAULT)
+        assert run.messages("refused")[-1] == "GET_UP: get up: the IMU does not answer"

@@ -175,3 +175,11 @@ def test_the_newest_cap_of_a_joint_counts(live: Live) -> None:
     go_on(live, 2.0)
     assert implied(live, "l_el", begin) > 0.5
     assert implied(live, "r_el", begin) == pytest.approx(0.4, abs=0.1)
+
+
+def test_what_is_let_go_right_after_it_was_asked_does_not_hold(live: Live) -> None:
+    """Both read for one plan, the foot was kept down without end after "relax all" was accepted."""
+    target = live.session.send(Contact("left"))
+    assert asked(live, Relax()).state == "accepted"
+    assert live.told[target.id].state == "superseded"
+    assert asked(live, WALK, FOREVER).state in ("accepted", "slowed")
