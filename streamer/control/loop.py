@@ -204,8 +204,7 @@ class ControlLoop:
             self._measure_gyro_bias()
         inputs.move_done = self._arrived if state is not State.GET_UP else self.get_up.done
         if state is State.GET_UP:
-            # Without an IMU the tilt is the planned one: steps would pass unseen.
-            failed = self.get_up.failed if self.estimator.has_imu else "the IMU does not answer"
+            failed = self.get_up.failed
             inputs.get_up_failed = None if failed is None else f"get up: {failed}"
         if state is State.OFF or inputs.get_up:
             self._check_start()

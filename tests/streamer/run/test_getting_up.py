@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.get_up import GetUp
+from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.simulated import lockstep
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.run.requests import Request
@@ -186,14 +187,22 @@ def test_an_arm_beside_a_get_up_is_refused() -> None:
         assert arm == "ARM: the robot is asked to get up" and get_up.startswith("GET_UP: the robot lies on its side")
 
 
-def test_an_imu_that_is_lost_half_way_up_ends_it() -> None:
-    """Steps were judged by the tilt that the last plan had: the robot went on up, blind."""
+def test_an_imu_that_is_lost_half_way_up_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without one the tilt is that of the last plan, and steps would pass unseen."""
     run = Fallen(BACK)
     with run.session as session:
         run.fall()
         run.ask(Request.GET_UP)
         session.advance(2.0)
-        lockstep(session.driver)._imu = None  # type: ignore[union-attr]
+        driver = lockstep(session.driver)
+        assert driver is not None
+        read = driver.read
+
+        def late(state: RobotState) -> None:
+            read(state)
+            state.imu_stale = 100
+
+        monkeypatch.setattr(driver, "read", late)
         session.advance(1.5)
         assert session.state.ladder in (State.DAMPED, State.FAULT)
-        assert run.messages("refused")[-1] == "GET_UP: get up: the IMU does not answer"
+        assert run.messages("refused")[-1].startswith("GET_UP: the IMU measures what cannot be")
