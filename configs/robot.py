@@ -79,7 +79,7 @@ class Robot:
         tick_rad: position unit [rad].
         direction, zero: servo angle = direction * joint angle + zero [rad].
         stand_pose, rest_pose: [rad].
-        get_up: steps by the side that it lies on (`flexmotion.configs.get_up`); empty: it does not get up by itself.
+        get_up: from which sides it gets up on request, and how (`flexmotion.configs.get_up`).
         model: the compiled MJCF, without floor; read-only (`compile` makes an editable one).
         qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
         torso_id: id of the torso's body.

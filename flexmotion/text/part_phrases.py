@@ -41,7 +41,8 @@ _SIDE_WORD = r"(?:\s(?:side|hand\sside))?"
 _LOOK = re.compile(rf"(?:(?:look|gaze|glance)\s|turn\s(?:your|the)\shead\s){_TO}{_WAY}{_SIDE_WORD}")
 _POINT = re.compile(rf"point\s{_HAND_FIRST}{_TO}{_WAY}{_SIDE_WORD}{_ARM}?")
 _REACH = re.compile(rf"(?:reach|stretch)\s{_HAND_FIRST}{_TO}{_WAY}{_ARM}?")
-_POLITE = re.compile(r"\b(?:please|now|robot|hey|can you|could you)\b")
+POLITE = re.compile(r"\b(?:please|now|robot|hey|can you|could you)\b")
+"""What is said to be polite, or to be listened to; it changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def part_phrase(sentence: str) -> PartPhrase | None:
 
     An arm that is not named is that of the side where it points, else the right one. A reach needs a named arm.
     """
-    words = " ".join(_POLITE.sub(" ", " ".join(re.findall(r"[a-z]+", sentence.lower()))).split())
+    words = " ".join(POLITE.sub(" ", " ".join(re.findall(r"[a-z]+", sentence.lower()))).split())
     found = _LOOK.fullmatch(words)
     if found is not None:
         return PartPhrase("look", _LOOKS[_way(found)])

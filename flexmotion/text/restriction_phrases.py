@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from flexmotion.text.numbers import number_at
+from flexmotion.text.part_phrases import POLITE
 
 Foot = Literal["left", "right", "both"]
 
-_POLITE = re.compile(r"\b(?:please|now|robot|hey|can you|could you)\b")
 _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
 
@@ -60,7 +60,7 @@ class RestrictionPhrase:
 
 def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
     """What a whole sentence restricts or lets go; None where it asks for anything else."""
-    words = " ".join(_POLITE.sub(" ", " ".join(_WORD.findall(_UNIT.sub(" nm ", sentence.lower())))).split())
+    words = " ".join(POLITE.sub(" ", " ".join(_WORD.findall(_UNIT.sub(" nm ", sentence.lower())))).split())
     for pattern, lets_go in ((_KEEP, False), (_NEVER, False), (_FREE, True)):
         if (found := pattern.fullmatch(words)) is not None:
             return RestrictionPhrase(foot=_foot(found["side"]), lets_go=lets_go)
