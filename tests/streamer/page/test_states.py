@@ -31,6 +31,11 @@ HEAD = """() => {
   return box.top + (0.5 - 0.5 * seen.y) * box.height;
 }"""
 """Height of the robot's head on the page [pixels]."""
+PICTURE_KNOWS = """() => {
+  const alarm = document.getElementById("alarm");
+  return window.flexmotion.scene.covered === alarm.offsetTop + alarm.offsetHeight;
+}"""
+"""Whether the picture makes room for the panel as it is now: the browser tells it after the next layout."""
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +202,7 @@ def test_the_robot_is_seen_below_what_to_do_next(run: StandIn, size: tuple[int, 
             run.send({"type": "event", "time_s": 3.0, "kind": "fault", "message": f"PARK -> FAULT: {CAUSE}", **told})
         run.status(state, **known)
         run.until(lambda: page.locator("#alarm").is_visible(), f"the panel in {state}")
-        run.until(lambda: page.evaluate("() => window.flexmotion.scene.covered > 0"), "the picture to know of it")
+        run.until(lambda: page.evaluate(PICTURE_KNOWS), "the picture to know of it")
         head = page.evaluate(HEAD)
         alarm, legend = page.locator("#alarm").bounding_box(), page.locator(".legend").bounding_box()
         assert alarm is not None
