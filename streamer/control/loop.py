@@ -213,9 +213,10 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if state in _JUDGED:
             known = (measured.stale == 0) & ~self.joints.limp
-            # Judged as if every joint followed stiffly: one that is blocked is found as soon.
-            np.add(self.command.position, self.servo.softness.way, out=self._judged)
-            self.obedience.update(self._judged, self._load, measured.position, known)
+            # Judged by the stiff goals: by softer ones a blocked joint would never be named.
+            softness = self.servo.softness
+            np.add(self.command.position, softness.way, out=self._judged)
+            self.obedience.update(self._judged, self._load, measured.position, known, softness.share)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost

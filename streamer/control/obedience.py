@@ -86,14 +86,17 @@ class Obedience:
         self.load[:] = self.overdue[:] = 0.0
         self._any_overdue = False
 
-    def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_]) -> None:
+    def update(
+        self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_], share: Float
+    ) -> None:
         """One tick.
 
         Args:
-            goal: in effect since the last tick, (n,) [rad].
+            goal: in effect since the last tick, of a joint that follows softly the stiff one, (n,) [rad].
             torque: planned load, (n,) [N·m].
             position: measured last, (n,) [rad].
             known: joints whose position was measured; the others are not judged.
+            share: of its stiffness with which each joint follows, (n,) in (0, 1].
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
         aim, predicted, load = self._aim, self.predicted, self.load
@@ -102,7 +105,7 @@ class Obedience:
         predicted -= aim
         predicted *= self._keeps
         predicted += aim
-        self._stillness.update(position, predicted, goal, known)
+        self._stillness.update(position, predicted, goal, known, share)
         self._place += 1
         np.copyto(self._predictions[self._place % len(self._predictions)], predicted)
         before = self._positions[self._place % len(self._positions)]

@@ -27,8 +27,10 @@ LEAST_TICKS = 20
 """Least of these motions and distances, for a servo of any stiffness: ten times what counts as standing still [servo
 units]."""
 STILL_S = 0.15
-"""Time for which a joint must go on standing still after its prediction has moved so far [s]. OP3 without a blocked
-joint, with its standard perturbations: at most a third of it, in shoulders that are set in motion."""
+"""Time for which a joint must go on standing still after its prediction has moved so far [s]: 3.3 times the time constant
+b / kp of OP3's servos. OP3 without a blocked joint, with its standard perturbations: at most a third of it, in shoulders
+that are set in motion. A joint that follows with a share of its stiffness has a time constant as many times as long, and
+as much more time."""
 
 
 class Stillness:
@@ -52,7 +54,7 @@ class Stillness:
         self._where, self._away, self.span = np.zeros(n), np.zeros(n), np.zeros(n)
         # Of the prediction, and of the goal, beginning at the joint.
         self._led, self._lowest, self._highest, self._spans = (np.zeros((2, n)) for _ in range(4))
-        self._late, self._any_late = np.zeros(n, np.int64), False
+        self._late, self._any_late = np.zeros(n), False  # in ticks of a stiff joint
 
     @property
     def worst(self) -> int | None:
@@ -67,10 +69,12 @@ class Stillness:
         for values in (self._where, self._lowest, self._highest):
             np.copyto(values, position)
         self.span.fill(0.0)
-        self._late.fill(0)
+        self._late.fill(0.0)
         self._any_late = False
 
-    def update(self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_]) -> None:
+    def update(
+        self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_], share: Float
+    ) -> None:
         """One tick.
 
         Args:
@@ -78,6 +82,7 @@ class Stillness:
             predicted: where the goals should have brought the joints, (n,) [rad].
             goal: in effect since the last tick, (n,) [rad].
             known: joints whose position was measured; the others are not judged.
+            share: of its stiffness with which each joint follows, (n,) in (0, 1].
         """
         away, span, led, lowest, highest = self._away, self.span, self._led, self._lowest, self._highest
         np.subtract(position, self._where, out=away)
@@ -98,6 +103,6 @@ class Stillness:
         late = span > self._far
         if not some(late) and not self._any_late:
             return
-        self._late += 1
-        self._late[~late] = 0
+        self._late += share
+        self._late[~late] = 0.0
         self._any_late = some(self._late)

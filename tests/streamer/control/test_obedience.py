@@ -34,7 +34,7 @@ class Followed:
         self.obedience, self.joint = Obedience(robot, turns), robot.index(name)
         self.goal, self.position = robot.stand_pose.copy(), robot.stand_pose.copy()
         self.limit = float(robot.usable_torque[self.joint] / robot.kp[self.joint])
-        self._nothing, self._known = np.zeros(robot.n), np.ones(robot.n, np.bool_)
+        self._nothing, self._known, self._stiff = np.zeros(robot.n), np.ones(robot.n, np.bool_), np.ones(robot.n)
         self.obedience.reset(robot.stand_pose)
 
     @property
@@ -42,7 +42,7 @@ class Followed:
         return float(self.obedience.predicted[self.joint])
 
     def tick(self) -> None:
-        self.obedience.update(self.goal, self._nothing, self.position, self._known)
+        self.obedience.update(self.goal, self._nothing, self.position, self._known, self._stiff)
 
 
 def test_a_blocked_joint_does_not_follow_and_a_loaded_one_does(op3: Robot) -> None:
