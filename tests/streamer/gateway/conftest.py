@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
@@ -13,15 +15,22 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
+from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
+from ...waiting import wait_until
+
 JOINTS, RATE = 3, 125.0
+
+Begin = Callable[..., GatewayService]
 
 
 @dataclass
@@ -154,3 +163,34 @@ def answering(run: Run) -> Iterator[Callable[..., Answering]]:
     yield begin
     for one in begun:
         one.close()
+
+
+@pytest.fixture
+def begin(run: Run, op3: Robot) -> Iterator[Begin]:
+    """Function (token, fields of the settings) -> a gateway that listens, in this process."""
+    ends: list[Callable[[bool], None]] = []
+
+    def start(token: str | None = None, **fields: Any) -> GatewayService:
+        service = GatewayService(
+            op3,
+            "sim",
+            Gateway.model_validate(fields),
+            run.telemetry,
+            run.targets,
+            run.heard,
+            Admission("127.0.0.1", token),
+            port=any_free(),
+            stop_port=1,
+        )
+        ends.append(service.follow())
+        wait_until(lambda: _listens(service.port), "the gateway to listen")
+        return service
+
+    yield start
+    for end in ends:
+        end(True)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0

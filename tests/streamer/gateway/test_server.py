@@ -6,7 +6,7 @@ import asyncio
 import json
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from http.client import HTTPConnection
 from typing import Any
 
@@ -30,42 +30,9 @@ from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.run.requests import Request
 
 from ...waiting import HANGING_S, wait_until
-from .conftest import Answering, Office, Run
+from .conftest import Answering, Begin, Office, Run
 
 TOKEN = "correct horse battery"
-
-Begin = Callable[..., GatewayService]
-
-
-@pytest.fixture
-def begin(run: Run, op3: Robot) -> Iterator[Begin]:
-    """Function (token, fields of the settings) -> a gateway that listens, in this process."""
-    ends: list[Callable[[bool], None]] = []
-
-    def start(token: str | None = None, **fields: Any) -> GatewayService:
-        service = GatewayService(
-            op3,
-            "sim",
-            Gateway.model_validate(fields),
-            run.telemetry,
-            run.targets,
-            run.heard,
-            Admission("127.0.0.1", token),
-            port=any_free(),
-            stop_port=1,
-        )
-        ends.append(service.follow())
-        wait_until(lambda: _listens(service.port), "the gateway to listen")
-        return service
-
-    yield start
-    for end in ends:
-        end(True)
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def http(port: int, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Any]:
