@@ -99,9 +99,12 @@ def needs_head(words: list[str]) -> bool:
     verb = next((word for word in words if word in known.verbs), None)
     if verb in known.words("look") or (words and words[0] in known.words("look")):
         return True
-    named = names_head(" ".join(words))
-    moves = ("keep", "turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
-    return named and verb in moves
+    turns, others = known.words("head_motions"), known.words("head_leads")
+    if not names_head(" ".join(words)):
+        return False
+    # "let your eyes wander": the first word moves the head, whatever the head does then.
+    leads = words[0] in others and len(words) > 2 and words[2] in known.words("head")
+    return leads or verb in turns
 
 
 def condition_of(words: list[str]) -> str | None:
@@ -120,6 +123,14 @@ def is_no_stand(text: str) -> bool:
     told = taught().get(plain(tokens_of(text)))
     first = next((stem(word) for word in words if stem(word) in vocabulary().verbs), None)
     return told != STAND and (told == NOTHING or first in vocabulary().words("unlike_standing"))
+
+
+def is_no_walk(text: str) -> bool:
+    """Whether a request is none to walk or to turn, although a listener may hear that: "lean to the left"."""
+    words = [word for word in text.lower().split() if word.isalpha()]
+    return words != [] and taught().get(plain(tokens_of(text))) is None and stem(words[0]) in vocabulary().words(
+        "unlike_walking"
+    )
 
 
 def moves_feet(text: str) -> bool:
