@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from flexmotion.text.phrases import limbs, verbs
+from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 
 _PLURAL = {"arm": "arms", "leg": "legs", "head": "head"}
