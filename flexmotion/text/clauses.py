@@ -10,9 +10,9 @@ from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, speed_of
 from flexmotion.text.paces import Speed
 from flexmotion.text.phrases import STAND
+from flexmotion.text.postures import without_posture
 from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbounded
-from flexmotion.text.postures import without_posture
 from flexmotion.text.relative import asked_change, change_factor, repeated_motion
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped

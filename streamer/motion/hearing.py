@@ -18,7 +18,7 @@ from flexmotion.streamer.motion.measured_steps import RefusedError, fits, measur
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
-from flexmotion.text.amounts import Amount, tokens_of
+from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.grammar import parse, whole
@@ -29,10 +29,8 @@ from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, moves_feet, names_head
-from flexmotion.text.sayings import NOTHING
 from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, taught
 
 
 class Hearing:
@@ -171,8 +169,10 @@ class Hearing:
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
                 forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
                 continue
-            if clause is not clauses[0] and clause.text and (
-                moves_along(clause.text) or (prompt is not None and not prompt.known and _qualifies(clause))
+            if (
+                clause is not clauses[0]
+                and clause.text
+                and (moves_along(clause.text) or (prompt is not None and not prompt.known and _qualifies(clause)))
             ):
                 raise RefusedError(f"{clause.said!r}: the robot cannot promise that; say what it is to do without it")
             if prompt is not None and prompt.kind in vocabulary().table["walks"] and _is_manner(prompt):
@@ -338,7 +338,7 @@ class Hearing:
             raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         feet = prompt.kind in table["walks"] or prompt.kind in table["turns"]
-        if (feet and is_no_walk(clause.text)) or taught().get(plain(tokens_of(clause.text))) == NOTHING:
+        if feet and is_no_walk(clause.text):
             raise RefusedError(f"{clause.said!r} is not understood: no known motion is like it")
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
