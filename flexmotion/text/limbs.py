@@ -27,9 +27,9 @@ def unused_limb(sentence: str, kind: str) -> str | None:
 
 def limb_refusal(sentence: str, kind: str) -> str | None:
     """Why a motion is not made with the limb that a sentence names for it; None where it may be."""
-    if kind in vocabulary().words("limb_pairs") and (one := _one_arm().search(sentence.lower())) is not None:
-        if len(sides(sentence)) == 1:
-            return f"{verbs(kind)[0]!r} is a motion of both arms, not of {one[0]!r} alone"
+    one = _one_arm().search(sentence.lower())
+    if one is not None and kind in vocabulary().words("limb_pairs") and len(sides(sentence)) == 1:
+        return f"{verbs(kind)[0]!r} is a motion of both arms, not of {one[0]!r} alone"
     limb = unused_limb(sentence, kind)
     if limb is None:
         return None

@@ -1,4 +1,4 @@
-"""What a request says of a part of the body beside its motion: "walk with your eyes closed", "without bending a knee"."""
+"""What a request says of a part of the body beside its motion: "walk with your eyes closed"."""
 
 from __future__ import annotations
 

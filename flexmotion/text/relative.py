@@ -12,7 +12,8 @@ from flexmotion.text.wording import stem
 _CHANGE = re.compile(
     r"(?:(?:walk|go|move|turn|run|step|be|continue|carry on|go on|keep(?: going| walking| moving| turning| on)?) )?"
     r"(?:a (?:little )?bit |a little |much |even |slightly |some |somewhat )?"
-    r"(?:(?P<faster>faster|quicker|brisker|swifter|more (?:quickly|briskly|swiftly|rapidly))|(?P<slower>slower|more slowly|less fast))"
+    r"(?:(?P<faster>faster|quicker|brisker|swifter|more (?:quickly|briskly|swiftly|rapidly))"
+    r"|(?P<slower>slower|more slowly|less fast))"
 )
 
 

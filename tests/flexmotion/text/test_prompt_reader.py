@@ -130,6 +130,5 @@ def test_a_manner_that_is_not_offered_is_dropped(heard: Heard) -> None:
 
 @pytest.mark.parametrize(("share", "known"), [(0.7, False), (50.0, True)])
 def test_a_sentence_listed_as_meaningless_needs_a_surer_listener(heard: Heard, share: float, known: bool) -> None:
-    """ "Cross your arms" spread both arms although it is listed as meaningless: the listener was surer of its words."""
-    prompt = heard([-1.0, -1.0, 0.0], "cross your arms", bow=share, walk=0.3)
-    assert prompt.known == known
+    """Both arms were spread for "cross your arms", listed as meaningless: the listener was surer of its words."""
+    assert heard([-1.0, -1.0, 0.0], "the exam was a walk in the park", bow=share, walk=0.3).known == known

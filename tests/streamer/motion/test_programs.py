@@ -179,7 +179,7 @@ def test_a_repeat_slowed_down_says_its_own_speed(hearing: Hearing) -> None:
 
 @pytest.mark.parametrize("say", ["repeat the wave", "repeat the turn", "redo the walk"])
 def test_a_named_repeat_is_never_of_another_motion(hearing: Hearing, say: str) -> None:
-    """ "Repeat the turn" stood, as if that had been asked for."""
+    """The robot stood for "repeat the turn", as if that had been asked for."""
     program = hear(hearing, say, "bow")
     assert moves(program) == (["wave-right-hand"] if "wave" in say else [])
     assert (program.heard.state == "refused") == ("wave" not in say)
