@@ -27,7 +27,8 @@ class Clause:
 
     Attributes:
         said: its words as said, for the answer.
-        text: its words for the listener, without amounts; empty where `asks` is not MOTION.
+        text: its words for the listener, without amounts; where `asks` is AGAIN the motion to repeat, if it names one;
+            else empty.
         asks: what it asks for.
         amount: how much of it; None: not said.
         times: how often; 1: once, or not said.

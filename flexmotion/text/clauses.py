@@ -10,13 +10,14 @@ from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, speed_of
 from flexmotion.text.paces import Speed
 from flexmotion.text.phrases import STAND
+from flexmotion.text.postures import without_posture
 from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbounded
-from flexmotion.text.relative import asked_change, change_factor
+from flexmotion.text.relative import asked_change, change_factor, repeated_motion
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stripped, taught, taught_words
+from flexmotion.text.wording import plain, stem, stripped, taught, taught_words
 
 
 def clause_of(part: Part, forbidding: bool) -> Clause | None:
@@ -44,13 +45,15 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, "", dropped=tuple(dropped), refusal="nothing else is asked for") if dropped else None
     if _unknown(words, part.joint):
         return Clause(said, sentence, refusal=NO_KNOWN_WORD)
-    head = needs_head(words)
+    head = needs_head([token for token in without_posture(tokens)[0] if isinstance(token, str)])
     until_told = condition is not None and not untold
     if condition is not None and not plain_stop:
         dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])
     if (again := _repeats(tokens)) is not None:
         return Clause(said, sentence, refusal=f"{again!r}: nothing is repeated by the clock; say how often")
+    tokens, posture = without_posture(tokens)
+    dropped += [] if posture is None else [posture]
     uncountable = next((t for t in tokens if isinstance(t, Amount) and not is_count(t)), None)
     if uncountable is not None:
         return Clause(said, sentence, refusal=f"{uncountable.said!r}: expected a whole number, 1 or more")
@@ -66,6 +69,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens):
         return Clause(said, plain(tokens), refusal="the number in it has no unit that is known")
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
+    if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
+        return Clause(said, stem(named), Asks.AGAIN, None, times, counted, dropped=tuple(dropped), notes=tuple(notes))
     if asks in (Asks.FASTER, Asks.SLOWER) and (amount is not None or counted):
         return Clause(said, "", refusal="a change of speed has no length, time or count of its own")
     if asks is not Asks.MOTION:

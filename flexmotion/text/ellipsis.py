@@ -40,7 +40,7 @@ def with_side(text: str, side: str) -> str:
 
 def is_repeated(words: list[str]) -> bool:
     """Whether words of a side ask for the last motion once more: "again with the left hand", "the other way"."""
-    return bool((vocabulary().words("other") | {"same", "again", "more"}) & set(words))
+    return bool((vocabulary().words("other") | {"same", "again", "more", "repeat", "redo"}) & set(words))
 
 
 def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from flexmotion.text.phrases import limbs, verbs
+from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 
 _PLURAL = {"arm": "arms", "leg": "legs", "head": "head"}
@@ -26,6 +27,9 @@ def unused_limb(sentence: str, kind: str) -> str | None:
 
 def limb_refusal(sentence: str, kind: str) -> str | None:
     """Why a motion is not made with the limb that a sentence names for it; None where it may be."""
+    one = _one_arm().search(sentence.lower())
+    if one is not None and kind in vocabulary().words("limb_pairs") and len(sides(sentence)) == 1:
+        return f"{verbs(kind)[0]!r} is a motion of both arms, not of {one[0]!r} alone"
     limb = unused_limb(sentence, kind)
     if limb is None:
         return None
@@ -62,6 +66,13 @@ def _patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     noun = rf"(?:\b(?P<before>(?!{owner}\b)[a-z'’]+)\s+)?\b(?P<limbs>(?P<owners>{owner}\s+)?{one}"
     noun += rf"(?:\s*(?:,|and|or)\s+{one})*)(?=\s+(?P<after>[a-z'’]+)|)"
     return re.compile(noun), re.compile(rf"\b(?:and|or|then|while|but)\b(?!\s+{one})")
+
+
+@lru_cache
+def _one_arm() -> re.Pattern[str]:
+    """One hand or arm of a side that is named: "your left arm"."""
+    single = [name for name, group in _groups().items() if group == "arm" and not name.endswith("s")]
+    return re.compile(rf"\b(?:left|right) (?:{'|'.join(single)})\b")
 
 
 @lru_cache

@@ -56,11 +56,14 @@ def _lifts_foot(words: list[str]) -> bool:
 def _unknown_target(words: list[str], text: str) -> str | None:
     """The thing that a request looks at and whose direction no word tells; None where there is none."""
     known = vocabulary()
-    if not words or words[0] not in known.words("look") or sides(text):
+    look = next((place for place, word in enumerate(words) if word in known.words("look")), None)
+    if look is None or not set(words[:look]) <= known.words("look_openings") or sides(text):
         return None
     if any(f" {phrase} " in text for phrase in known.phrases("gaze_words")):
         return None
-    place = next((place for place, word in enumerate(words) if place and word in ("at", "toward", "towards")), None)
+    place = next(
+        (place for place, word in enumerate(words) if place > look and word in ("at", "toward", "towards")), None
+    )
     return None if place is None else " ".join(words[place:])
 
 
@@ -99,9 +102,12 @@ def needs_head(words: list[str]) -> bool:
     verb = next((word for word in words if word in known.verbs), None)
     if verb in known.words("look") or (words and words[0] in known.words("look")):
         return True
-    named = names_head(" ".join(words))
-    moves = ("keep", "turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
-    return named and verb in moves
+    turns, others = known.words("head_motions"), known.words("head_leads")
+    if not names_head(" ".join(words)):
+        return False
+    # "let your eyes wander": the first word moves the head, whatever the head does then.
+    leads = words[0] in others and len(words) > 2 and words[2] in known.words("head")
+    return leads or verb in turns
 
 
 def condition_of(words: list[str]) -> str | None:
@@ -119,7 +125,19 @@ def is_no_stand(text: str) -> bool:
     words = [word for word in text.lower().split() if word.isalpha()]
     told = taught().get(plain(tokens_of(text)))
     first = next((stem(word) for word in words if stem(word) in vocabulary().verbs), None)
+    if told is None and vocabulary().words("speed_changes") & set(words):
+        return True  # "get moving a bit quicker"
     return told != STAND and (told == NOTHING or first in vocabulary().words("unlike_standing"))
+
+
+def is_no_walk(text: str) -> bool:
+    """Whether a request is none to walk or to turn, although a listener may hear that: "lean to the left"."""
+    words = [word for word in text.lower().split() if word.isalpha()]
+    return (
+        words != []
+        and taught().get(plain(tokens_of(text))) is None
+        and stem(words[0]) in vocabulary().words("unlike_walking")
+    )
 
 
 def moves_feet(text: str) -> bool:

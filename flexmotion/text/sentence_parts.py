@@ -193,9 +193,10 @@ def _correction(tokens: list[Token], place: int) -> int:
 def _excepts(tokens: list[Token], place: int) -> bool:
     """Whether "without waving" begins at a token: the part before is asked for, and waving is forbidden."""
     following = tokens[place + 1] if place + 1 < len(tokens) else ""
-    if tokens[place] != "without" or not isinstance(following, str) or stem(following) == following:
+    if tokens[place] != "without" or not isinstance(following, str) or not following:
         return False
-    return WITHOUT_TURNING.match(f"without {following}") is None
+    said = plain(tokens[place:])
+    return WITHOUT_TURNING.match(said) is None and FORBIDS_NOTHING.match(said) is None
 
 
 def _goes_on(tokens: list[Token], place: int, phrase: str) -> bool:

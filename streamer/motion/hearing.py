@@ -25,9 +25,10 @@ from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import STAND, moves_head
+from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
-from flexmotion.text.refusals import is_no_stand, is_turning, moves_feet, names_head
+from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, moves_feet, names_head
 from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
 
@@ -168,6 +169,14 @@ class Hearing:
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
                 forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
                 continue
+            if (
+                clause is not clauses[0]
+                and clause.text
+                and (moves_along(clause.text) or (prompt is not None and not prompt.known and _qualifies(clause)))
+            ):
+                raise RefusedError(f"{clause.said!r}: the robot cannot promise that; say what it is to do without it")
+            if prompt is not None and prompt.kind in vocabulary().table["walks"] and _is_manner(prompt):
+                continue  # "walk without limping" forbids a manner
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
             forbidden.append(prompt.kind)
@@ -223,10 +232,16 @@ class Hearing:
             raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
+            if clause.text:
+                repeated = self._named(clause, [*(() if last is None else last.steps), *before])
             if not repeated:
                 raise RefusedError("nothing was done before that could be repeated")
             if clause.side is not None:
                 repeated = [self._to_side(step, clause) for step in repeated]
+            if clause.amount is not None:
+                if len(repeated) != 1 or clause.amount.quantity not in ("time", *fits(repeated[0])):
+                    raise RefusedError(f"{clause.said!r}: what was done before has no {clause.amount.said!r}")
+                repeated = [self._measured(repeated[0], clause.amount, 1)]
             repeated = repeated * clause.times
             # A motion without an end has one where another follows it.
             ends = in_sequence or len(repeated) > 1
@@ -244,9 +259,22 @@ class Hearing:
             changed = self.speeds.changed(before[-1], clause.speed)
             if changed is before[-1]:
                 raise RefusedError(f"{clause.said!r}: {changed.kind} is at the limit of its speed")
-            before[-1] = changed
+            slowed = None if clause.speed < 1.0 else changed.told.slowed
+            before[-1] = replace(changed, told=changed.told.model_copy(update={"slowed": slowed}))
             return []
         return [self._motion(clause, in_sequence)]
+
+    def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
+        """For "repeat the turn": the last step of that motion; a gesture can be done without one before."""
+        known, prompt = vocabulary(), self.model.prompt(clause.text)
+        turns, walks = (clause.text in known.words(f"{name}_verbs") for name in ("turn", "walk"))
+        for step in reversed(done):
+            alike = step.kind.split("-")[0] == prompt.kind.split("-")[0] and step.kind != STAND
+            if step.turn != 0 if turns else step.axis != (0, 0) if walks else alike:
+                return [step]
+        if turns or walks or not prompt.known or prompt.kind == STAND:
+            raise RefusedError(f"{clause.said!r}: no {clause.text} was done before that could be repeated")
+        return [self._motion(replace(clause, asks=Asks.MOTION, times=1, counted=False), in_sequence=False)]
 
     def _continued(
         self, clause: Clause, before: list[Step], under_way: Program | None, last: Program | None
@@ -309,6 +337,9 @@ class Hearing:
                 raise RefusedError(f"{clause.said!r}: {TO_WHICH_SIDE}")
             raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
+        feet = prompt.kind in table["walks"] or prompt.kind in table["turns"]
+        if feet and is_no_walk(clause.text):
+            raise RefusedError(f"{clause.said!r} is not understood: no known motion is like it")
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
         intent: Intent = Text(clause.text)
@@ -366,6 +397,16 @@ def _ignores(clause: Clause, step: Step) -> bool:
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
     return bool(clause.manner) and clause.asks is Asks.MOTION and (gesture or (on_the_spot and clause.speed > 1.0))
+
+
+def _qualifies(clause: Clause) -> bool:
+    """Whether a prohibition is of how another request is done: "without making noise", "but not too high"."""
+    return clause.joint == "but" or clause.said.split()[:1] == ["without"]
+
+
+def _is_manner(prompt: Prompt) -> bool:
+    """Whether words name a manner, one of the model's or not."""
+    return prompt.manner != NORMAL or prompt.dropped != ()
 
 
 def _rounded(prompt: Prompt) -> float:

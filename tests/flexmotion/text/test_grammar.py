@@ -191,3 +191,60 @@ def test_what_follows_a_prohibition_word_is_forbidden(no: str, verb: str, joint:
     assert verb not in asked
     if joint in (" and ", " or "):
         assert all(clause.forbidden for clause in clauses)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "motion", "times"),
+    [
+        ("repeat the turn", "turn", 1),
+        ("repeat your last bow twice", "bow", 2),
+        ("do the wave once more", "wave", 1),
+        ("the same turn again", "turn", 1),
+        ("redo that walk", "walk", 1),
+        ("turn again", "turn", 1),
+        ("repeat that", "", 1),
+    ],
+)
+def test_a_repeat_may_name_its_motion(sentence: str, motion: str, times: int) -> None:
+    """The turn of "repeat the turn" was left to the listener, which heard a stand in it."""
+    (clause,) = parse(sentence)
+    assert (clause.asks, clause.text, clause.times) == (Asks.AGAIN, motion, times)
+
+
+@pytest.mark.parametrize("sentence", ["do a turn to the left", "take the first step", "repeat after me", "wave again"])
+def test_other_requests_are_no_repeats_of_a_named_motion(sentence: str) -> None:
+    assert all(clause.asks is Asks.MOTION for clause in parse(sentence))
+
+
+@pytest.mark.parametrize(
+    ("sentence", "asks"),
+    [
+        ("hurry a little", Asks.FASTER),
+        ("rush slightly more", Asks.FASTER),
+        ("walk a bit brisker", Asks.FASTER),
+        ("don't hurry so much", Asks.SLOWER),
+        ("no need to rush", Asks.SLOWER),
+        ("that's much too quick", Asks.SLOWER),
+        ("slow down by a lot", Asks.SLOWER),
+        ("hurry to the left a little", Asks.MOTION),
+    ],
+)
+def test_a_little_hurry_changes_the_speed_of_the_motion_under_way(sentence: str, asks: Asks) -> None:
+    """A little hurry was a run from wherever the robot was, and "don't hurry" a stop."""
+    assert [clause.asks for clause in parse(sentence)] == [asks]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "forbidden"),
+    [
+        ("walk without shoes", [False, True]),
+        ("walk forward with no arm swing", [False, True]),
+        ("bow without looking down", [False, True]),
+        ("walk back without looking back", [False]),
+        ("turn right without hesitation", [False]),
+        ("walk on, no rush", [False]),
+    ],
+)
+def test_a_prohibition_behind_a_request_forbids_no_more_than_it_names(sentence: str, forbidden: list[bool]) -> None:
+    """The robot stood for "walk without shoes", and said that nothing was asked for."""
+    assert [clause.forbidden for clause in parse(sentence)] == forbidden

@@ -71,3 +71,19 @@ def test_the_limbs_of_every_kind_are_groups_of_the_grammar() -> None:
     # YAML reads a bare "on" as true.
     lists = [vocabulary().table[f"limb_{name}"] for name in ("owners", "means", "places", "postures", "regions")]
     assert all(isinstance(word, str) for words in lists for word in words)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "kind", "one"),
+    [
+        ("stretch out your right arm", "arms-to-the-sides", "right arm"),
+        ("put your left hand on your hip", "hands-on-hips", "left hand"),
+        ("stretch out your left arm and your right arm", "arms-to-the-sides", None),
+        ("stretch out both arms", "arms-to-the-sides", None),
+        ("raise your right arm", "raise-up-right-hand", None),
+    ],
+)
+def test_one_arm_is_no_motion_of_both(sentence: str, kind: str, one: str | None) -> None:
+    """The right arm that was to be stretched out took the left one with it, without a word."""
+    refusal = limb_refusal(sentence, kind)
+    assert refusal is None if one is None else refusal is not None and repr(one) in refusal

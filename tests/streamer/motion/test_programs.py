@@ -161,3 +161,25 @@ def test_answers_cross_a_channel_and_the_newest_version_counts() -> None:
     channel.publish(first)
     assert heard_since(reader) == [first]
     assert merged([first, later]) == [later]
+
+
+@pytest.mark.parametrize("prohibition", ["without swinging your arms", "but don't move your head", "without falling"])
+def test_a_prohibition_that_cannot_be_kept_refuses_its_sentence_by_name(hearing: Hearing, prohibition: str) -> None:
+    """The walk "without swinging your arms" swung them; that "without falling" was a stand, "only what not to do"."""
+    heard = hear(hearing, f"walk forward {prohibition}").heard
+    assert heard.state == "refused" and prohibition.removeprefix("but ") in str(heard.reason)
+
+
+def test_a_repeat_slowed_down_says_its_own_speed(hearing: Hearing) -> None:
+    """The answer to "do that again, but slower" said the speed of the motion before."""
+    program = hear(hearing, "do that again, but slower", "walk forward")
+    assert isinstance(program.steps[0].intent, Velocity)
+    assert program.heard.slowed is None and program.steps[0].told.slowed is None
+
+
+@pytest.mark.parametrize("say", ["repeat the wave", "repeat the turn", "redo the walk"])
+def test_a_named_repeat_is_never_of_another_motion(hearing: Hearing, say: str) -> None:
+    """The robot stood for "repeat the turn", as if that had been asked for."""
+    program = hear(hearing, say, "bow")
+    assert moves(program) == (["wave-right-hand"] if "wave" in say else [])
+    assert (program.heard.state == "refused") == ("wave" not in say)
