@@ -223,3 +223,19 @@ def test_a_run_that_begins_lying_does_its_first_request_once_it_has_got_up() -> 
         run.until_state(State.STREAMING)
         session.advance(1.0)
         assert run.upright and np.nanmax(session.record.ticks.source_s) > 0.0, "it has followed its human"
+
+
+@pytest.mark.parametrize("stop", [Request.STOP, Request.ESTOP, Request.DISARM, Request.KILL])
+@pytest.mark.parametrize("clears", [False, True])
+def test_one_that_a_stop_of_its_own_tick_overrides_is_answered_with_who_sent_it(stop: Request, clears: bool) -> None:
+    """It had no effect and no event: its sender was told so after 60 s."""
+    run = Fallen(AHEAD)
+    with run.session as session:
+        run.fall()
+        if clears:
+            run.ask(Request.CLEAR)
+        session.requests.send(Request.GET_UP, "page 1: clear")
+        session.requests.send(stop, "phone: stop")
+        session.step()
+        assert session.state.ladder is not State.GET_UP
+        assert run.messages("refused") == [f"GET_UP: overridden in its own tick by {stop.name} from phone"]
