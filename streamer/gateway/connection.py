@@ -176,9 +176,7 @@ class Messages:
             return str(error)
         return self._token_refused if status == 401 else str(content.get("reason", error))
 
-    def _fetched(
-        self, method: str, port: int, path: str, patience_s: float = PATIENCE_S
-    ) -> tuple[int, dict[str, Any]]:
+    def _fetched(self, method: str, port: int, path: str, patience_s: float = PATIENCE_S) -> tuple[int, dict[str, Any]]:
         connection = HTTPConnection(self.host, port, timeout=patience_s)
         try:
             connection.request(method, path, headers=self.headers)
