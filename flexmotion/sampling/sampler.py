@@ -386,6 +386,11 @@ class Sampler:
         ahead, aside = np.clip(self._corrections.catch_up * lacks, -limit, limit)
         return float(ahead), float(aside)
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of motion that it offers."""
+        return self.reader.offered
+
     def prompt(self, text: str | None) -> Prompt:
         """Meaning of a text; standing still for None."""
         return self.reader.idle if text is None else self.read(text)

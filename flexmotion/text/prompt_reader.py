@@ -30,11 +30,17 @@ SAME = 0.99
 BREADTH = 10.0
 """Known wordings of a kind are mixed with weights exp(BREADTH x cosine)."""
 
-TRIES = 4
+TRIES = 3
 """Motions that are named to try where a sentence is not understood: those with the nearest wordings."""
 
 SURE_OF_NOTHING = 0.9
 """Least share of a kind for a sentence that is listed as meaningless; a listener taught otherwise is surer."""
+
+NAMED = 6
+"""Kinds of motion that a refusal names, of the dozens that a model may offer."""
+
+LISTS = "flexmotion bundles"
+"""The command that lists all."""
 
 FORBIDS = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|nowhere|cannot|stop|quit|cease|avoid|halt|enough|abort|cancel)\b
@@ -188,7 +194,7 @@ class PromptReader:
         return meant if heard.known and heard.warning is None and not is_sudden(heard.kind) else None
 
     def _offer(self, likeness: NDArray[np.float32], meant: str | None = None) -> str:
-        """What the model can do, and what to say instead.
+        """What to say instead, and a few of the motions that the model can do.
 
         Args:
             likeness: of each wording with what was asked, (K,).
@@ -197,8 +203,10 @@ class PromptReader:
         nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
         tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)]
         said = [meant] if meant is not None else [_wording(kind) for kind in tries[:TRIES]]
-        told = f"it can: {_names(self.offered)}"
-        return f"{told}; try: {', '.join(said)}" if said else told
+        told = f"it can: {_names(self.offered[:NAMED])}"
+        if len(self.offered) > NAMED:
+            told += f", … ({LISTS} lists all {len(self.offered)})"
+        return f"try: {', '.join(said)}; {told}" if said else told
 
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
         """Kind of motion, or `NOTHING`, and its share."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -11,20 +13,28 @@ if TYPE_CHECKING:
     from flexmotion.bundles.bundle import Bundle
 
 
-def bundles(as_json: JsonOption = False) -> None:
-    """List the motion models that come with the project; --bundle NAME chooses one.
+def bundles(
+    bundle: Annotated[
+        str | None, typer.Argument(metavar="NAME|DIR", help="This one alone, or one in a folder.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the motion models that come with the project, and all that each can do; --bundle NAME chooses one.
 
     [bold]Examples[/bold]
 
       flexmotion bundles
 
+      flexmotion bundles my-bundle
+
       flexmotion dry-run --bundle default --prompt "walk"
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.bundles.bundle import Bundle
-    from flexmotion.bundles.shipped import shipped_bundles
+    from flexmotion.bundles.shipped import bundle_folder, shipped_bundles
 
-    found = {name: _summary(Bundle(folder)) for name, folder in shipped_bundles().items()}
+    folders = shipped_bundles() if bundle is None else {bundle: bundle_folder(bundle)}
+    found = {name: _summary(Bundle(folder)) for name, folder in folders.items()}
     if as_json:
         print_json([{"name": name, **summary} for name, summary in found.items()])
         return

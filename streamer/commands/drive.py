@@ -7,22 +7,20 @@ from typing import Annotated
 
 import typer
 
-from flexmotion.streamer.commands.options import TokenFileOption
-from flexmotion.streamer.commands.run_address import HostOption, PortOption, SourceOption, StopPortOption
+from flexmotion.streamer.commands.option_groups import grouped
+from flexmotion.streamer.commands.run_address import KeyboardAddress
 
 
+@grouped
 def drive(
+    *,
     fastest: Annotated[
         tuple[float, float, float],
         typer.Option(
             "--fastest", metavar="VX VY WZ", help="Speed of a held key: ahead, aside \\[m/s], turning \\[rad/s]."
         ),
     ] = (0.3, 0.15, 0.5),
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    stop_port: StopPortOption = 8791,
-    source: SourceOption = "keyboard",
-    token_file: TokenFileOption = None,
+    run: KeyboardAddress,
 ) -> None:
     """Steer a run by keys, from this terminal or over ssh: it walks while a key is held, and space is STOP.
 
@@ -34,17 +32,14 @@ def drive(
     """
     import asyncio
 
-    from flexmotion.streamer.gateway.admission import find_token
     from flexmotion.streamer.gateway.async_client import AsyncClient
-    from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.keyboard import Keyboard, keys_at_once
 
-    token, terminal = find_token(token_file), sys.stdin.fileno()
+    stops, terminal = run.client(), sys.stdin.fileno()
+    stops.learn_stop_port()
     with keys_at_once(terminal):
         keyboard = Keyboard(
-            lambda: AsyncClient(host, port, source=source, token=token),
-            Client(host, port, stop_port=stop_port, source=source, token=token),
-            fastest,
+            lambda: AsyncClient(run.host, run.port, source=run.source, token=stops.token), stops, fastest
         )
         asyncio.run(keyboard.run(terminal))
     typer.echo(err=True)

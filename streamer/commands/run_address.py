@@ -14,7 +14,16 @@ if TYPE_CHECKING:
 
 HostOption = Annotated[str, typer.Option("--host", help="Address of the run.")]
 PortOption = Annotated[int, typer.Option("--port", min=1, max=65535, help="Its port for targets (--web-port).")]
-StopPortOption = Annotated[int, typer.Option("--stop-port", min=1, max=65535, help="Its port for stops.")]
+StopPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--stop-port",
+        min=1,
+        max=65535,
+        help="Its port for stops (--stop-port of the run); with another --port the run is asked for it.",
+        show_default="8791",
+    ),
+]
 SourceOption = Annotated[
     str, typer.Option("--source", help="Name of this sender; the run's settings give it a priority.")
 ]
@@ -33,48 +42,46 @@ RobotNameOption = Annotated[
 
 
 @dataclass(frozen=True)
-class RunAddress:
-    """The run that takes a command's message."""
+class Address:
+    """The run that a command speaks to over the network, and as whom."""
 
     host: HostOption = "127.0.0.1"
     port: PortOption = 8790
+    stop_port: StopPortOption = None
     source: SourceOption = "command line"
-    zenoh: ZenohEndpointOption = None
-    name: RobotNameOption = "op3"
     token_file: TokenFileOption = None
-    as_json: JsonOption = False
+
+    def token(self) -> str | None:
+        """The run's token. Raises `ConfigError` where it cannot be read."""
+        from flexmotion.streamer.gateway.admission import find_token
+
+        return find_token(self.token_file)
 
     def client(self) -> Client:
         """A connection to the run. Raises `ConfigError` where the token cannot be read."""
-        from flexmotion.streamer.gateway.admission import find_token
         from flexmotion.streamer.gateway.client import Client
 
-        token = find_token(self.token_file)
-        if self.zenoh:
-            return _over_zenoh(self.zenoh, self.name, self.source, token)
-        return Client(self.host, self.port, source=self.source, token=token)
+        return Client(self.host, self.port, stop_port=self.stop_port, source=self.source, token=self.token())
 
 
 @dataclass(frozen=True)
-class StopAddress:
-    """The stop process of the run that takes a stop."""
+class KeyboardAddress(Address):
+    """The run that is steered by keys."""
 
-    host: HostOption = "127.0.0.1"
-    stop_port: StopPortOption = 8791
+    source: SourceOption = "keyboard"
+
+
+@dataclass(frozen=True)
+class RunAddress(Address):
+    """The run that takes a command's message or stop, over the network or zenoh."""
+
     zenoh: ZenohEndpointOption = None
     name: RobotNameOption = "op3"
-    token_file: TokenFileOption = None
     as_json: JsonOption = False
 
     def client(self) -> Client:
-        """See `RunAddress.client`."""
-        from flexmotion.streamer.gateway.admission import find_token
-        from flexmotion.streamer.gateway.client import Client
-
-        token = find_token(self.token_file)
-        if self.zenoh:
-            return _over_zenoh(self.zenoh, self.name, "command line", token)
-        return Client(self.host, self.stop_port, stop_port=self.stop_port, token=token)
+        """See `Address.client`."""
+        return _over_zenoh(self.zenoh, self.name, self.source, self.token()) if self.zenoh else super().client()
 
 
 def _over_zenoh(endpoints: list[str], robot: str, source: str, token: str | None) -> Client:

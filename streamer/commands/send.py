@@ -14,7 +14,7 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
 from flexmotion.streamer.commands.part_options import PartOptions
-from flexmotion.streamer.commands.run_address import RunAddress, StopAddress
+from flexmotion.streamer.commands.run_address import RunAddress
 
 if TYPE_CHECKING:
     from flexmotion.streamer.gateway.messages import Answer
@@ -199,20 +199,25 @@ def status(
 
 @grouped
 def stop(
-    run: StopAddress,
+    run: RunAddress,
 ) -> None:
     """Bring the robot to a balanced stand; it refuses targets until `flexmotion clear`. Needs no token.
+
+    It goes to the stop process of the run, which works also where nothing else of it does: at --stop-port. A run on
+    another --port is asked for that port, which takes its token, if it has one, and a gateway that answers.
 
     [bold]Examples[/bold]
 
       flexmotion stop
+
+      flexmotion stop --port 8800
     """
     _press("stop", run)
 
 
 @grouped
 def estop(
-    run: StopAddress,
+    run: RunAddress,
 ) -> None:
     """Stop the robot as its robot file says, then park it, torque off; the fault is latched. It is no safety function.
 
@@ -225,7 +230,7 @@ def estop(
     _press("estop", run)
 
 
-def _press(what: str, run: StopAddress) -> None:
+def _press(what: str, run: RunAddress) -> None:
     with closing(run.client()) as client:
         answer = client.stop() if what == "stop" else client.estop()
     if run.as_json:

@@ -19,6 +19,7 @@ from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback
 from flexmotion.streamer.control.load_estimator import LoadEstimator
 from flexmotion.streamer.control.lying import lying_on
 from flexmotion.streamer.control.obedience import Obedience
+from flexmotion.streamer.control.overridden import GET_UP, overridden
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.plausibility import Plausibility
@@ -41,8 +42,6 @@ _JUDGED = (State.READY, State.STREAMING, State.HOLD)
 _MAY_HOLD = "their joints may be stiff; switch the power off"
 _LATE_TICKS = 3
 """Ticks from one to the next after which goals begin where the servos hold them."""
-GET_UP = "GET_UP"
-"""The request to get up, as its events name it: `refused` with the reason, or `done`."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -58,6 +57,7 @@ class ControlLoop:
     Attributes:
         tick_count: ticks done, which is the number of the next tick.
         inputs: requests for the next tick; cleared after it. joints: requests for single joints.
+        stopped_by: what stops the robot in the next tick, and who asked for it, in words; cleared after it.
         intake: the plan that plays, and the one that waits.
         commands: goals have been sent since torque went on.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
@@ -78,6 +78,7 @@ class ControlLoop:
         self.robot, self.driver, self.telemetry = robot, driver, telemetry
         self.ladder = Ladder(robot.safety, robot.rate_hz)
         self.inputs = Inputs()
+        self.stopped_by: list[str] = []
         self.intake = PlanIntake(plans, telemetry)
         self.joints = JointTorque(robot, driver, self.ladder, self._emit)
         self.state = RobotState(robot.n)
@@ -152,6 +153,8 @@ class ControlLoop:
         before, fault = self.ladder.state, self.ladder.fault
         self._set_inputs(before)
         playback = self.ladder.step(self.inputs)
+        for name in overridden(self.inputs, before, self.ladder.state):
+            self._emit("refused", f"{name}: overridden in its own tick by {', '.join(self.stopped_by) or 'a stop'}")
         if self.ladder.fault != fault:
             self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._hardware_fault
             if self.ladder.fault is not None and self.ladder.fault == self.inputs.blocked:
@@ -167,6 +170,7 @@ class ControlLoop:
         if playback is Playback.PLAN:
             self.intake.check_underrun(self.tick_count, must_stop=self.must_stop)
         self.inputs.reset()
+        self.stopped_by.clear()
         self.tick_count += 1
         row = self.telemetry.row
         row.stamp_ns[...], row.lateness_s[...] = begin, late_ns * 1e-9

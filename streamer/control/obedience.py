@@ -86,9 +86,7 @@ class Obedience:
         self.load[:] = self.overdue[:] = 0.0
         self._any_overdue = False
 
-    def update(
-        self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_], share: Float
-    ) -> None:
+    def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_], share: Float) -> None:
         """One tick.
 
         Args:

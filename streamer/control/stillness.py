@@ -27,10 +27,10 @@ LEAST_TICKS = 20
 """Least of these motions and distances, for a servo of any stiffness: ten times what counts as standing still [servo
 units]."""
 STILL_S = 0.15
-"""Time for which a joint must go on standing still after its prediction has moved so far [s]: 3.3 times the time constant
-b / kp of OP3's servos. OP3 without a blocked joint, with its standard perturbations: at most a third of it, in shoulders
-that are set in motion. A joint that follows with a share of its stiffness has a time constant as many times as long, and
-as much more time."""
+"""Time for which a joint must go on standing still after its prediction has moved so far [s]: 3.3 times the time
+constant b / kp of OP3's servos. OP3 without a blocked joint, with its standard perturbations: at most a third of it, in
+shoulders that are set in motion. The time constant of a joint that follows with a share of its stiffness is longer by 1
+over that share, and so is this time."""
 
 
 class Stillness:
@@ -72,9 +72,7 @@ class Stillness:
         self._late.fill(0.0)
         self._any_late = False
 
-    def update(
-        self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_], share: Float
-    ) -> None:
+    def update(self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_], share: Float) -> None:
         """One tick.
 
         Args:

@@ -49,6 +49,7 @@ class AsyncClient(Messages):
         except (OSError, WebSocketException) as error:
             raise await asyncio.to_thread(self.failed, error) from error
         self._reading = asyncio.create_task(self._read())
+        await asyncio.to_thread(self.learn_stop_port)
         return self
 
     async def __aexit__(

@@ -213,3 +213,4 @@ class Client(Messages):
             self._socket = self._open.enter_context(connect(self.url, **self.options))
         except (OSError, WebSocketException) as error:
             raise self.failed(error) from error
+        self.learn_stop_port()

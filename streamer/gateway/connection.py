@@ -6,6 +6,7 @@ import itertools
 import json
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from socket import gaierror
 from typing import Any
@@ -21,6 +22,8 @@ from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, MessageError,
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
 """Longest wait for an answer [s]; a run answers within its `take_up_s`."""
+_LOOK_UP_S = 2.0
+"""Longest wait for the port for stops [s]: somebody wants the robot to stop."""
 
 
 def patience_of(content: Mapping[str, Any]) -> float:
@@ -56,7 +59,8 @@ class Messages:
     """What both clients send.
 
     Args:
-        host, port, stop_port: of the run.
+        host, port, stop_port: of the run; without a stop port that of a run on the usual port is the usual one, and a
+            run on another port is asked for it, with the token, before the first stop.
         source: name of this program; the run's settings give it a priority.
         token: of the run; None: the environment variable FLEXMOTION_TOKEN, if it is set.
     """
@@ -66,7 +70,7 @@ class Messages:
         host: str = "127.0.0.1",
         port: int = _DEFAULT.port,
         *,
-        stop_port: int = _DEFAULT.stop_port,
+        stop_port: int | None = None,
         source: str = "client",
         token: str | None = None,
     ) -> None:
@@ -116,13 +120,13 @@ class Messages:
             return GatewayError(f"{where}: no machine of this name is known: {error.strerror}")
         return GatewayError(f"{where}: {type(error).__name__}: {error}")
 
-    def fetch(self, method: str, port: int, path: str) -> dict[str, Any]:
+    def fetch(self, method: str, port: int, path: str, patience_s: float = PATIENCE_S) -> dict[str, Any]:
         """Ask over HTTP, with the token.
 
         Raises:
             GatewayError: no run listens, it refuses the request, or it does not answer in time.
         """
-        status, content = self._fetched(method, port, path)
+        status, content = self._fetched(method, port, path, patience_s)
         if status in (401, 403):
             reason = self._token_refused if status == 401 else content.get("reason")
             raise GatewayError(f"{self.host}:{port}: refused: {reason}")
@@ -130,7 +134,34 @@ class Messages:
 
     def press(self, what: str) -> StopAnswer:
         """Ask the stop process for "stop" or "estop"."""
-        return StopAnswer.model_validate(self.fetch("POST", self.stop_port, f"/{what}"))
+        return StopAnswer.model_validate(self.fetch("POST", self.find_stop_port(), f"/{what}"))
+
+    def learn_stop_port(self) -> None:
+        """Find the port for stops while the gateway answers: a stop must not wait for a busy or dead one."""
+        with suppress(GatewayError):  # told at the first stop, which asks again
+            self.find_stop_port()
+
+    def find_stop_port(self) -> int:
+        """The port for stops: as given, the usual one beside the usual port, else as the run tells.
+
+        Raises:
+            GatewayError: the run does not tell it.
+        """
+        if self.stop_port is None and self.port == _DEFAULT.port:
+            self.stop_port = _DEFAULT.stop_port
+        if self.stop_port is None:
+            give = "give that port: --stop-port, or Client(stop_port=...)"
+            try:
+                content = self.fetch("GET", self.port, "/status", patience_s=_LOOK_UP_S)
+            except GatewayError as error:
+                raise GatewayError(f"{error}; its port for stops is not known: {give}") from error
+            if "POST /estop" in str(content.get("reason")):  # the stop process itself
+                self.stop_port = self.port
+            elif isinstance(content.get("stop_port"), int):
+                self.stop_port = int(content["stop_port"])
+            else:
+                raise GatewayError(f"{self.host}:{self.port}: it does not tell its port for stops: {give}")
+        return self.stop_port
 
     needs_token = f"it needs its token: set {TOKEN_VARIABLE}, or give --token-file or Client(token=...)"
 
@@ -151,8 +182,8 @@ class Messages:
             return str(error)
         return self._token_refused if status == 401 else str(content.get("reason", error))
 
-    def _fetched(self, method: str, port: int, path: str) -> tuple[int, dict[str, Any]]:
-        connection = HTTPConnection(self.host, port, timeout=PATIENCE_S)
+    def _fetched(self, method: str, port: int, path: str, patience_s: float = PATIENCE_S) -> tuple[int, dict[str, Any]]:
+        connection = HTTPConnection(self.host, port, timeout=patience_s)
         try:
             connection.request(method, path, headers=self.headers)
             response = connection.getresponse()

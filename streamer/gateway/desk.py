@@ -314,7 +314,10 @@ class Desk:
                         asked.tick = event.tick
             elif event.kind in ("refused", "done"):
                 name, _, reason = event.message.partition(": ")
-                for asked in [one for one in self._asked if one.tick >= 0 and name_of(one) == name]:
+                taken = [one for one in self._asked if one.tick >= 0 and name_of(one) == name]
+                if event.kind == "refused":  # at once: of those of this tick; an earlier one may be under way still
+                    taken = [one for one in taken if one.tick == event.tick] or taken
+                for asked in taken:
                     self._asked.remove(asked)
                     if event.kind == "refused":
                         self._reply(asked, "refused", reason)

@@ -55,7 +55,7 @@ class GatewayService:
         feed: makes the feed of its page, given who sent a target; None: it has no page.
         pace: of a human that the robot keeps up with; None: not known.
         stops: health of the stop process, for the status; None: the run has none.
-        clips: names of those that targets may name.
+        clips: names of those that targets may name; kinds: of motion that words may ask for.
 
     Attributes:
         name: of its process.
@@ -89,9 +89,10 @@ class GatewayService:
         pace: Pace | None = None,
         stops: Health | None = None,
         clips: tuple[str, ...] = (),
+        kinds: tuple[str, ...] = (),
     ) -> None:
         self.robot, self.driver, self.takes_targets = robot, driver, takes_targets
-        self.feed, self.pace, self.clips = feed, pace, clips
+        self.feed, self.pace, self.clips, self.kinds = feed, pace, clips, kinds
         self.settings, self.telemetry, self.heard, self.admission = settings, telemetry, heard, admission
         self.port, self.stop_port = settings.port if port is None else port, stop_port
         self.lines, self.transports = lines, transports
@@ -222,7 +223,7 @@ class _Server:
             if service.feed is not None:
                 pages = Pages(
                     partial(service.feed, desk.sources.get),
-                    partial(page_robot, service.robot, service.driver, service.pace, service.clips),
+                    partial(page_robot, service.robot, service.driver, service.pace, service.clips, service.kinds),
                 )
                 drawing = asyncio.create_task(pages.run())
             robot = service.robot

@@ -39,12 +39,14 @@ _USUAL_PACE = Pace(ahead=0.5, back=0.3, aside=0.2, turning=0.5)
 """For a robot whose file says none, in a human's speed [m/s, rad/s]."""
 
 
-def page_robot(robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str] = ()) -> dict[str, Any]:
+def page_robot(
+    robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str] = (), kinds: Sequence[str] = ()
+) -> dict[str, Any]:
     """Meshes, names, limits and the stick's range as JSON. Arrays of numbers are base64 of float32 or uint32.
 
     Args:
         pace: of a human that the robot keeps up with: the full deflection of the stick.
-        clips: names of those that targets may name.
+        clips: names of those that targets may name; kinds: of motion that words may ask for.
     """
     pose = Pose(robot)
     pace = pace or _USUAL_PACE
@@ -74,6 +76,7 @@ def page_robot(robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str
         "bones": BONES,
         "pace": [pace.ahead, pace.back, pace.aside, pace.turning],
         "clips": sorted(clips),
+        "kinds": list(kinds),
         "temperature_limit": temperature,
         "temperature_margin": robot.safety.thermal_margin,
         "voltage_min": robot.safety.voltage_min,

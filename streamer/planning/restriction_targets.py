@@ -37,6 +37,22 @@ _WITHOUT_TORQUE = (State.OFF, State.PARK, State.DAMPED, State.FAULT, State.GET_U
 
 
 @dataclass(frozen=True)
+class _Inherited:
+    """What the plan of a planner that died was restricted by, until the loop plays one of this planner.
+
+    Attributes:
+        plan: its id.
+        feet, joints: that are restricted; joints are columns of arms and head, the only ones that the loop caps.
+        words: names of both.
+    """
+
+    plan: int
+    feet: frozenset[int]
+    joints: frozenset[int]
+    words: str
+
+
+@dataclass(frozen=True)
 class _Held:
     """A restriction that holds.
 
@@ -76,6 +92,7 @@ class RestrictionTargets:
         self._rate = retargeter.rate
         self._waiting: list[tuple[Target, float]] = []
         self._held: list[_Held] = []
+        self._inherited: _Inherited | None = None
         self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
         self._revisions, self._all_go = Revisions(self._rate), False
 
@@ -99,6 +116,7 @@ class RestrictionTargets:
             upper: angles at which arms and head are held, by `UpperBody.joints`, (C,) [rad].
         """
         ended = ended_by(row)
+        self._outlive(row)
         waiting, self._waiting = self._waiting, []
         all_go, self._all_go = self._all_go, False
         if ended is not None:
@@ -111,6 +129,8 @@ class RestrictionTargets:
         self._answer(row)
         if all_go:
             self._keep([])
+            if self._inherited is not None:
+                self._revisions.change()
         if any(one.until <= tick for one in self._held):
             self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
             self._keep([one for one in self._held if one.until > tick])
@@ -124,11 +144,30 @@ class RestrictionTargets:
                 self._tell(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
-        """No target can be followed; what holds is over."""
+        """No target can be followed."""
         for target, _ in self._waiting:
             self._tell(target, "refused", reason)
         self._waiting = []
-        self._end(reason)
+
+    def begin_with(self, number: int, plan: Plan) -> None:
+        """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
+
+        Its caps stay in the loop meanwhile: after a failure no joint gets stronger before somebody asks for something.
+        """
+        names = self._retargeter.robot.joint_names
+        joints = np.flatnonzero(np.isfinite(plan.torque_cap)).tolist()
+        feet = np.flatnonzero(self._retargeter.layout.view(plan.states[-1].copy()).planted).tolist()
+        words = [*(FOOT_PARTS[FEET[foot]] for foot in feet), *(f"torque {names[joint]}" for joint in joints)]
+        if not words:
+            return
+        self._inherited = _Inherited(number, frozenset(feet), frozenset(joints), ", ".join(words))
+        self._on_note(f"until the next target: {self._inherited.words}: the planner was started again")
+
+    def _outlive(self, row: TickRow) -> None:
+        """Tell when what was inherited acts no longer: the loop plays another plan, or none."""
+        if self._inherited is not None and int(row.plan) != self._inherited.plan:
+            self._on_note(f"over: {self._inherited.words}")
+            self._inherited = None
 
     @property
     def restrictions(self) -> Restrictions:
@@ -217,10 +256,15 @@ class RestrictionTargets:
             kind = TorqueCap
             free = frozenset(joints_named(self._retargeter.robot, intent.part.partition(" ")[2]).values())
         kept = [replace(one, binds=one.binds - free) if isinstance(one.intent, kind) else one for one in self._held]
-        if all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
-            held = ", ".join(one.intent.part for one in self._held) or "none"
+        last = self._inherited
+        ends = last is not None and not free.isdisjoint(last.feet if kind is Contact else last.joints)
+        if not ends and all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
+            parts = [*(one.intent.part for one in self._held), *([] if last is None else [last.words])]
+            held = ", ".join(parts) or "none"
             raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
         self._keep([one for one in kept if one.binds])
+        if ends:  # the next plan knows of nothing that was inherited
+            self._revisions.change()
         heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
         self._let_go.append((self._revisions.newest, heard))
 

@@ -151,8 +151,9 @@ class TargetLedger:
         state, now_s = State(int(row.state)), self.now_s()
         ended = ended_by(row)
         if ended is not None:
-            # Before it is armed nothing has ended: the robot will follow what its run was started with.
-            self.halted |= state is not State.OFF
+            # Before it stands nothing has ended: the robot will follow what its run was started with, whether it was
+            # armed or gets up first. A fall, a fault and a stop halt in states of their own.
+            self.halted |= state not in (State.OFF, State.GET_UP)
             self.refuse_all(ended)
             return
         self._answer_displaced(taken, start_of)

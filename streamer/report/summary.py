@@ -59,7 +59,7 @@ def _not_done(report: Report) -> list[str]:
 
 
 def short(reason: str) -> str:
-    """A reason without the list of what the model can do."""
+    """A reason without what the model can do; what to try instead comes before that."""
     return reason.partition("; it can: ")[0]
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.loop import GET_UP, ControlLoop
+from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.control.overridden import GET_UP
 from flexmotion.streamer.run.requests import OF_JOINTS, Request
 
 _SETTLE_S = 1.0
@@ -23,6 +24,8 @@ MARGIN_S = 30.0
 """Longest run beyond the source's length: standing up, stopping, parking [s]."""
 _AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
 """If one of these arrives before the start, torque stays off."""
+_STOPS = (Request.STOP, Request.ESTOP, Request.KILL, Request.DISARM, Request.END)
+"""These undo what is asked for in the same tick."""
 _TOLD = {
     Request.LOST: "fault",
     Request.GIVEN_UP: "fault",
@@ -100,6 +103,9 @@ class Lifecycle:
         self._emit(*(("request", request.name) if kind is None else (kind, reason)))
         if not self._begun and request in _AGAINST_A_START:
             self._withheld = request
+        if request in _STOPS:
+            sender = reason.rpartition(": ")[0] or reason  # "SOURCE: TYPE OF ITS MESSAGE", or a way, such as zenoh
+            self.loop.stopped_by.append(f"{request.name} from {sender}" if sender else request.name)
         if request is Request.STOP:
             inputs.stop = True
         elif request is Request.ESTOP:

@@ -211,16 +211,27 @@ def test_misspelt_words_are_suggested_and_not_done(sampler: Sampler, sentence: s
     """Words like "wlak forwrad" were answered by motions that have nothing to do with it."""
     prompt = sampler.prompt(sentence)
     assert not prompt.known and prompt.kind == STAND
-    assert str(prompt.warning).endswith(f"; try: {meant}")
+    assert f"; try: {meant}; it can: " in str(prompt.warning)
 
 
 def test_a_refusal_suggests_wordings_and_names_english_to_other_languages(sampler: Sampler) -> None:
     """It suggested names of its own ("walk turn right"), and never said that it hears English."""
     foreign = str(sampler.prompt("geh bitte vorwärts").warning)
-    assert "(it hears English), it stands still; it can: " in foreign
-    tries = foreign.partition("; try: ")[2].split(", ")
-    assert tries and all(sampler.prompt(text).known for text in tries)
+    before, _, offer = foreign.partition("; try: ")
+    tries, _, can = offer.partition("; it can: ")
+    assert before.endswith("(it hears English), it stands still")
+    tries = tries.split(", ")
+    assert len(tries) == 3 and all(sampler.prompt(text).known for text in tries)
     assert "English" not in str(sampler.prompt("juggle five balls").warning)
+
+
+def test_a_refusal_says_first_what_to_try_and_names_few_motions(sampler: Sampler) -> None:
+    """It listed all 41 motions before the three that are of use."""
+    told = str(sampler.prompt("juggle five balls").warning)
+    before, _, can = told.partition("; it can: ")
+    assert "; try: " in before
+    assert can.startswith("stand, ") and can.count(",") == 6
+    assert can.endswith(f", … (flexmotion bundles lists all {len(sampler.kinds)})")
 
 
 def test_every_suggestion_means_what_it_is_suggested_for(sampler: Sampler) -> None:

@@ -29,11 +29,11 @@ function outcome({ state, answer, text }) {
   return answer.certainty < UNSURE && answer.heard_as && plain(answer.heard_as) !== text ? "unsure" : state;
 }
 
-// {steps: [{text, end, done}], notes: [text], problem, tries: [text], more: text} of an entry.
-export function told(entry, own) {
+// {steps: [{text, end, done}], notes: [text], problem, tries: [text], more: text} of an entry; `kinds`: all that the model can do.
+export function told(entry, own, kinds = []) {
   const { heard_as, certainty, slowed, moved, dropped, notes, reason, steps = [] } = entry.answer;
   const found = { steps: [], notes: [], problem: "", tries: [], more: "" };
-  if (reason) Object.assign(found, why(reason));
+  if (reason) Object.assign(found, why(reason, kinds));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
     found.steps = steps.map((step) => ({
       text: [plain(step.heard_as ?? step.text), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
@@ -50,10 +50,13 @@ export function told(entry, own) {
   return found;
 }
 
-// A reason; where it lists what the model can do, that apart, and what to try instead.
-function why(reason) {
-  const list = reason.match(/^(.*?), it stands still; it can: (.*?)(?:; try: (.*))?$/);
-  if (list) return { problem: `${list[1]}. The robot stands still.`, more: list[2], tries: list[3]?.split(", ") ?? [] };
+// A reason; where it names what the model can do, that apart, and what to try instead.
+function why(reason, kinds) {
+  const list = reason.match(/^(.*?)(?:, it|; the model) stands still(?:; try: (.*?))?; it can: (.*)$/);
+  if (list) {
+    const more = kinds.length ? kinds.map(plain).join(", ") : list[3];
+    return { problem: `${list[1]}. The robot stands still.`, more, tries: list[2]?.split(", ") ?? [] };
+  }
   const end = reason.indexOf("; ");
   return reason.length <= LONGEST || end < 0 ? { problem: reason } : { problem: reason.slice(0, end), more: reason.slice(end + 2) };
 }

@@ -20,6 +20,7 @@ export class Asked {
     this.strip = new Strip(document.getElementById("timeline"));
     this.prompt = document.getElementById("prompt");
     this.asking = document.getElementById("asking");
+    this.kinds = []; // of motion that the model can do
     this.past = [];
     this.place = 0;
     document.getElementById("ask").onsubmit = (event) => { event.preventDefault(); this.ask(this.prompt.value); };
@@ -155,7 +156,7 @@ export class Asked {
       this.items.delete(entry);
     }
     listed.forEach((entry, index) => {
-      const content = { text: entry.text, mark: mark(entry), ...told(entry, this.link.source) };
+      const content = { text: entry.text, mark: mark(entry), ...told(entry, this.link.source, this.kinds) };
       const known = this.items.get(entry) ?? { item: document.createElement("li"), shown: "" };
       const shown = JSON.stringify(content);
       if (known.shown !== shown) known.item.replaceChildren(...this.parts(content));

@@ -62,6 +62,7 @@ async function start() {
   };
   floor = new Floor(element("scene"), scene, asked);
   hands = new Hands(element("scene").parentElement, scene, asked);
+  asked.kinds = robot.kinds;
   element("clips").hidden = !robot.clips.length;
   element("clip").replaceChildren(...robot.clips.map((name) => new Option(name)));
   for (const [id, name] of [["show-plan", "plan"], ["show-human", "human"], ["show-balance", "balance"]]) {

@@ -36,3 +36,12 @@ def test_bundles_are_listed_with_repertoire_and_licence(two: Path, capsys: pytes
     listed = " ".join(capsys.readouterr().out.split())
     assert "default:" in listed and "free:" in listed
     assert "walk-turn-left" in listed and "CC BY-NC 4.0" in listed
+
+
+def test_a_bundle_in_a_folder_is_listed_too(two: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A refusal names six motions and sends to `flexmotion bundles` for the others, which knew shipped ones alone."""
+    for name in (str(two), "free"):
+        assert execute(["bundles", name]) == 0
+        listed = " ".join(capsys.readouterr().out.split())
+        assert "walk-turn-left" in listed and "default:" not in listed
+    assert execute(["bundles", "nobody"]) == 2

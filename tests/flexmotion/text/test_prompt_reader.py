@@ -108,8 +108,8 @@ def test_a_kind_that_the_model_does_not_offer_is_refused_by_name(heard: Heard) -
     """Regression: kinds that a model had been taught and cannot do were offered like all others."""
     prompt = heard([-1.0, 0.35, 0.0], "a bow", ("walk", "turn-left"), bow=0.9)
     assert (prompt.kind, prompt.known, prompt.refused) == ("stand", False, "bow")
-    told = "'a bow': this model cannot bow yet, it stands still; it can: turn left, stand, walk"
-    told += "; try: walk forward, turn left"
+    told = "'a bow': this model cannot bow yet, it stands still; try: walk forward, turn left"
+    told += "; it can: turn left, stand, walk"
     assert prompt.warning == told  # the nearest wordings first
     assert heard([-1.0, 0.35, 0.0], "a bow", ("bow",), bow=0.9).kind == "bow"
 
@@ -119,7 +119,7 @@ def test_motions_that_hit_are_never_suggested(heard: Heard, monkeypatch: pytest.
     kinds = tuple("punch" if kind == "bow" else kind for kind in KINDS)
     monkeypatch.setitem(globals(), "KINDS", kinds)
     told = str(heard([-1.0, 0.35, 0.0], "juggle five balls", ("punch", "walk", "turn-left"), **{NOTHING: 0.9}).warning)
-    assert " punch, walk; try: " in told and told.endswith("; try: walk forward, turn left")
+    assert "; try: walk forward, turn left; it can: " in told and told.endswith(" punch, walk")
 
 
 def test_a_manner_that_is_not_offered_is_dropped(heard: Heard) -> None:

@@ -461,3 +461,15 @@ def test_help_says_what_to_type_and_shows_no_emoji(capsys: pytest.CaptureFixture
     assert run("emulate", "--help") == 0
     out = capsys.readouterr().out
     assert "false_position" in out and all(ord(character) < 0x1F000 for character in out)
+
+
+@pytest.mark.parametrize("command", ["send", "status", "arm", "disarm", "stop", "estop", "clear", "kill", "drive"])
+def test_all_commands_that_speak_to_a_run_take_the_same_address(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`flexmotion stop --port 8800` was refused as an unknown option, `flexmotion send --stop-port` too."""
+    assert run(command, "--help") == 0
+    text = capsys.readouterr().out
+    over = () if command == "drive" else ("--zenoh", "--name", "--json")
+    for option in ("--host", "--port", "--stop-port", "--source", "--token-file", *over):
+        assert option in text, option

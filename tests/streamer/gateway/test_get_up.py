@@ -54,6 +54,45 @@ def test_the_answer_says_why_it_gave_up_and_a_plain_clear_is_another_request(mak
     assert told["c"].state == "accepted"
 
 
+def test_one_that_is_overridden_in_its_own_tick_is_answered_at_once(make_office: Make) -> None:
+    """The loop had taken it, nothing came of it, and the answer came after 60 s."""
+    office = make_office()
+    run = office.run
+    run.state = State.OFF
+    run.step()
+    office.ask(GET_UP)
+    run.telemetry.emit(run.tick, "request", "GET_UP")
+    run.telemetry.emit(run.tick, "request", "STOP")
+    run.telemetry.emit(run.tick, "refused", "GET_UP: overridden in its own tick by STOP from phone")
+    run.step()
+    office.desk.pump()
+    (answer,) = office.told
+    assert (answer.state, answer.reason) == ("refused", "overridden in its own tick by STOP from phone")
+
+
+def test_one_that_is_refused_because_another_is_under_way_leaves_that_open(make_office: Make) -> None:
+    """Both were told that it is refused, while the robot got up for the first."""
+    office = make_office()
+    run = office.run
+    run.state = State.FAULT
+    run.step()
+    office.ask(GET_UP)
+    run.take(Request.GET_UP)
+    run.state = State.GET_UP
+    run.step()
+    office.desk.pump()
+    office.ask(GET_UP.replace('"g"', '"h"'))
+    run.telemetry.emit(run.tick, "request", "GET_UP")
+    run.telemetry.emit(run.tick, "refused", "GET_UP: torque is on, the robot is in GET_UP")
+    run.step()
+    office.desk.pump()
+    assert [(answer.id, answer.state) for answer in office.told] == [("h", "refused")]
+    run.telemetry.emit(run.tick, "done", "GET_UP")
+    run.step()
+    office.desk.pump()
+    assert (office.told[-1].id, office.told[-1].state) == ("g", "accepted")
+
+
 def test_clients_wait_for_it() -> None:
     assert patience_of(clear_content(True)) > 40.0 and patience_of(clear_content(False)) == PATIENCE_S
 

@@ -10,10 +10,13 @@ from typing import Any
 
 import pytest
 
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.gateway.stops import StopService
 from flexmotion.streamer.run.requests import Request
 
@@ -123,3 +126,28 @@ def test_the_command_line_presses(
     told = capsys.readouterr().out
     assert told.startswith("accepted before tick") and "refuses targets until: flexmotion clear" in told
     assert execute(["estop", "--stop-port", str(any_free())]) == 3
+
+
+def test_a_stop_finds_its_port_from_that_for_targets(
+    begin: Begin, answering: Callable[..., Answering], run: Run, op3: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`flexmotion stop --port N` was an unknown option, and `Client(port=N).stop()` went to another run."""
+    service = begin(TOKEN)
+    loop = answering(service.requests)
+    admission = Admission("127.0.0.1", TOKEN)
+    ports: dict[str, Any] = {"port": any_free(), "stop_port": service.port}
+    gateway = GatewayService(op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, admission, **ports)
+    end = gateway.follow()
+    wait_until(lambda: listens(gateway.port), "the gateway to listen")
+    try:
+        assert Client(port=gateway.port, token=TOKEN).stop().state == "accepted"
+        connected = Client(port=gateway.port, token=TOKEN)
+        connected.take()
+        assert execute(["stop", "--port", str(gateway.port)]) == 3
+        assert "its port for stops is not known: give that port: --stop-port" in capsys.readouterr().err
+    finally:
+        end(True)
+    assert connected.stop().state == "accepted", "it has known the port since it connected"
+    assert execute(["stop", "--port", str(gateway.port), "--stop-port", str(service.port)]) == 0, "needs no gateway"
+    assert Client(port=service.port, token=TOKEN).stop().state == "accepted", "it is the port for stops already"
+    assert loop.requested == [Request.STOP] * 4

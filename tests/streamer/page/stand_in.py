@@ -32,6 +32,7 @@ FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 """WebGL without a graphics card."""
 WITHOUT_WEBGL = ("--disable-3d-apis",)
 ADDRESS = "http://127.0.0.1:8790/"
+KINDS = ("stand", "walk", "bow", "wave-right-hand")
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 
 
@@ -96,7 +97,7 @@ class StandIn:
         url = route.request.url
         path = url.removeprefix(ADDRESS)
         if path == "robot":
-            route.fulfill(json=page_robot(self.robot, "sim", None, self.clips))
+            route.fulfill(json=page_robot(self.robot, "sim", None, self.clips, KINDS))
         elif not path or path.startswith("page/"):
             name = path.removeprefix("page/") or "index.html"
             content = (files("flexmotion.streamer.page") / "static" / name).read_bytes()

@@ -19,8 +19,8 @@ DESK: Any = {"width": 1280, "height": 800}
 PHONE: Any = {"width": 390, "height": 844}
 CAUSE = "e-stop: frozen by an operator"
 REASON = (
-    "'fly to the moon' is not understood by this model, it stands still; it can: stand, walk, bow, wave right hand; "
-    "try: walk, bow, wave right hand"
+    "'fly to the moon' is not understood by this model, it stands still; try: walk, bow, wave right hand; "
+    "it can: stand, walk, turn left, turn right, bow, jump, … (flexmotion bundles lists all 41)"
 )
 """As `PromptReader` says it."""
 HEAD = """() => {
@@ -369,12 +369,16 @@ def test_an_emergency_stop_without_torque_is_confirmed(run: StandIn) -> None:
 
 
 def test_words_that_are_not_understood_offer_what_is(run: StandIn) -> None:
-    """The help was a folded list of 23 names. (A list that was made anew ten times a second also lost the focus.)"""
+    """The help was a folded list of 23 names. (A list that was made anew ten times a second also lost the focus.)
+
+    Since a reason names a few motions alone, the list is that of the run.
+    """
     page = run.page
     run.heard(61, "fly to the moon", "refused", reason=REASON, at_s=61.0)
     entry = page.locator("#history li", has_text="fly to the moon").first
     run.until(lambda: entry.locator(".chips button").count() == 3, "motions to try")
     assert "stand, walk" not in entry.inner_text()
+    assert "stand, walk, bow, wave right hand" in entry.locator("details").text_content(), "all, as the run lists them"
     entry.locator("summary").focus()
     for number in range(62, 66):
         run.heard(number, "velocity [0.5, 0.0, 0.0]", "accepted", at_s=float(number))

@@ -297,3 +297,22 @@ def test_answers_that_are_no_longer_kept_count_as_given() -> None:
     for number in range(1, 201):
         channel.publish(Heard(id=number, asked="wave", state="accepted"))
     assert all(number in channel.answered() for number in range(1, 201)) and 201 not in channel.answered()
+
+
+def test_getting_up_first_keeps_what_the_run_was_started_with(bench: Bench) -> None:
+    """A get-up from OFF halted: a run that was started with words, lying, got up and then stood for ever."""
+    bench.look(10, state=State.OFF)
+    bench.look(11, state=State.GET_UP)
+    bench.look(12, state=State.READY)
+    assert not bench.ledger.halted
+    bench.look(13, state=State.DAMPED)
+    bench.look(14, state=State.FAULT)
+    bench.look(15, state=State.GET_UP)
+    bench.look(16, state=State.READY)
+    assert bench.ledger.halted, "after a fall nothing goes on by itself"
+
+
+def test_a_target_that_comes_while_the_robot_gets_up_is_refused_by_name(bench: Bench) -> None:
+    bench.mailbox.send(WAVE)
+    bench.look(10, state=State.GET_UP)
+    assert bench.states == [(1, "refused")] and "wait until it stands" in str(bench.told[0].reason)

@@ -92,7 +92,7 @@ def test_joints_are_ordered_by_their_share_of_stall_torque(record: RunTrace, fig
 
 def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: RunTrace, figures: RobotFigures) -> None:
     """The verdict joined all refusals, each with the list of 23 motions; a fault was lost among them."""
-    reason = "'fly {}' is not understood by this model, it stands still; it can: stand, walk, bow; try: walk forward"
+    reason = "'fly {}' is not understood by this model, it stands still; try: walk forward; it can: stand, walk, bow"
     refused = [Heard(asked=f"fly {n}", state="refused", reason=reason.format(n)) for n in range(12)]
     done = [Heard(asked=f"wave {n}", state="accepted", heard_as="wave-right-hand") for n in range(20)]
     dropped = Heard(asked="wave and sing", state="partly", heard_as="wave-right-hand", dropped=("sing",))
@@ -109,4 +109,4 @@ def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: Run
 
     alone = build_report(record, replace(INFO, targets=(*done, refused[0])), figures)
     told = failures(alone)[-1]
-    assert told == "refused: 'fly 0' is not understood by this model, it stands still"
+    assert told == "refused: 'fly 0' is not understood by this model, it stands still; try: walk forward"

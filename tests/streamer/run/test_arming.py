@@ -201,3 +201,33 @@ def test_while_a_joint_is_limp_the_robot_stands_and_says_why() -> None:
         session.finish()
     assert not run.messages("fault") and session.record.violations_sent == 0
     assert session.record.rows["limp"].any(axis=0).sum() == 2
+
+
+def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
+    """ARM and CLEAR beside a STOP had neither an effect nor an event; the answer was a timeout."""
+    run = Attended()
+    with run.session as session:
+        session.advance(0.1)
+        session.requests.send(Request.STOP, "zenoh")
+        session.requests.send(Request.ARM, "page: arm")
+        session.advance(0.1)
+        assert session.state.ladder is State.OFF
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        run.ask(Request.STOP)
+        session.requests.send(Request.CLEAR, "page: clear")
+        session.requests.send(Request.STOP)
+        session.advance(0.1)
+        assert session.telemetry.ticks.latest()["must_stop"]
+        session.requests.send(Request.ESTOP)
+        session.advance(0.1)
+        run.until_state(State.FAULT)
+        session.requests.send(Request.CLEAR)
+        session.requests.send(Request.KILL, "gamepad")
+        session.advance(0.1)
+        assert session.state.ladder is State.FAULT
+    assert run.messages("refused") == [
+        "ARM: overridden in its own tick by STOP from zenoh",
+        "CLEAR: overridden in its own tick by STOP",
+        "CLEAR: overridden in its own tick by KILL from gamepad",
+    ]

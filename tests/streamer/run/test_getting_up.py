@@ -17,11 +17,15 @@ from .test_arming import TURN, Attended
 
 
 class Fallen(Attended):
-    """An attended run whose robot was pushed over while it stood; `push`: impulse, ahead and to the left [N·s]."""
+    """An attended run whose robot is pushed over, once it stands if it was armed at once.
 
-    def __init__(self, push: tuple[float, float], **options: object) -> None:
+    Args:
+        push: impulse, ahead and to the left [N·s].
+    """
+
+    def __init__(self, push: tuple[float, float], *, at_s: float = 4.0, **options: object) -> None:
         impulse = (*push, 0.0)
-        super().__init__(pushes=[{"at": 4.0, "impulse": impulse, "duration": 0.2}], **options)
+        super().__init__(pushes=[{"at": at_s, "impulse": impulse, "duration": 0.2}], **options)
 
     def fall(self) -> None:
         self.ask(Request.ARM)
@@ -206,3 +210,32 @@ def test_an_imu_that_is_lost_half_way_up_ends_it(monkeypatch: pytest.MonkeyPatch
         session.advance(1.5)
         assert session.state.ladder in (State.DAMPED, State.FAULT)
         assert run.messages("refused")[-1].startswith("GET_UP: the IMU measures what cannot be")
+
+
+def test_a_run_that_begins_lying_does_its_first_request_once_it_has_got_up() -> None:
+    """A get-up from OFF dropped what the run was started with: the robot got up and stood."""
+    run = Fallen(BACK, at_s=0.1, held=False)
+    with run.session as session:
+        session.advance(3.0)
+        assert session.state.ladder is State.OFF and not run.upright
+        run.ask(Request.GET_UP)
+        run.until_state(State.READY)
+        run.until_state(State.STREAMING)
+        session.advance(1.0)
+        assert run.upright and np.nanmax(session.record.ticks.source_s) > 0.0, "it has followed its human"
+
+
+@pytest.mark.parametrize("stop", [Request.STOP, Request.ESTOP, Request.DISARM, Request.KILL])
+@pytest.mark.parametrize("clears", [False, True])
+def test_one_that_a_stop_of_its_own_tick_overrides_is_answered_with_who_sent_it(stop: Request, clears: bool) -> None:
+    """It had no effect and no event: its sender was told so after 60 s."""
+    run = Fallen(AHEAD)
+    with run.session as session:
+        run.fall()
+        if clears:
+            run.ask(Request.CLEAR)
+        session.requests.send(Request.GET_UP, "page 1: clear")
+        session.requests.send(stop, "phone: stop")
+        session.step()
+        assert session.state.ladder is not State.GET_UP
+        assert run.messages("refused") == [f"GET_UP: overridden in its own tick by {stop.name} from phone"]

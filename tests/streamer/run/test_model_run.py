@@ -288,7 +288,7 @@ def test_words_without_meaning_are_reported_before_the_robot_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    said = "note: 'xyzzy plugh qwrtzp' is not understood by this model (it hears English), it stands still; it can: "
+    said = "note: 'xyzzy plugh qwrtzp' is not understood by this model (it hears English), it stands still; try: "
     assert said in err
 
 

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.motion.heard import heard_since
-from flexmotion.streamer.motion.intents import Text, Velocity
-from flexmotion.streamer.motion.part_intents import Hand, Relax
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.planning.part_targets import PartTargets
+from flexmotion.streamer.planning.replanning import Replanner
+from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
+from flexmotion.streamer.run.parts import RunParts
 from flexmotion.streamer.run.requests import Request
 
 from .test_live_targets import Live
@@ -183,3 +191,85 @@ def test_what_is_let_go_right_after_it_was_asked_does_not_hold(live: Live) -> No
     assert asked(live, Relax()).state == "accepted"
     assert live.told[target.id].state == "superseded"
     assert asked(live, WALK, FOREVER).state in ("accepted", "slowed")
+
+
+RESTARTED = "until the next target: left foot, torque l_el: the planner was started again"
+
+
+class Restarted(Live):
+    """A run whose control loop the test sees."""
+
+    loop: ControlLoop
+
+    @property
+    def cap(self) -> float:
+        """Of the left elbow, in the loop [N·m]."""
+        return float(self.loop.servo.cap[self.loop.robot.index("l_el")])
+
+    @property
+    def notes(self) -> list[str]:
+        return [event.message for event in self.session.record.events if event.kind == "note"]
+
+
+@pytest.fixture
+def restarted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Restarted]:
+    """A robot that stands, its left foot kept down and its left elbow capped, with a planner that was started again."""
+    made: list[Replanner] = []
+    make, make_loop, one = RunParts.replanner, RunParts.control_loop, Restarted()
+
+    def kept(*arguments: Any) -> Replanner:
+        made.append(make(*arguments))
+        return made[-1]
+
+    def seen(*arguments: Any) -> ControlLoop:
+        one.loop = make_loop(*arguments)
+        return one.loop
+
+    monkeypatch.setattr(RunParts, "replanner", kept)
+    monkeypatch.setattr(RunParts, "control_loop", seen)
+    with one.session:
+        one.until_state(State.STREAMING)
+        one.until_answered(one.session.send(Stop()).id)
+        one.until_state(State.HOLD)
+        assert asked(one, Contact("left"), FOREVER).state == "accepted"
+        assert asked(one, TorqueCap("l_el", 0.4), FOREVER).state == "accepted"
+        one.until_state(State.HOLD)
+        (replanner,) = made
+        # As in a new process: the records are empty.
+        planner = replanner.planner.retargeter
+        replanner.restrictions = RestrictionTargets(
+            planner, replanner._publish, replanner.on_note, replanner._stand_still
+        )
+        replanner.parts = PartTargets(planner, replanner._publish, replanner.on_note)
+        replanner.succeed()
+        go_on(one, 0.5)
+        yield one
+
+
+def test_a_new_planner_tells_that_caps_are_over_when_the_loop_has_lifted_them(restarted: Restarted) -> None:
+    """They were over for the planner, whose note said so, while the loop capped on until the next plan."""
+    assert restarted.notes[-1] == RESTARTED
+    assert restarted.cap == pytest.approx(0.4), "nothing gets stronger by itself"
+    go_on(restarted, 1.0)
+    assert restarted.notes[-1] == RESTARTED and restarted.session.state.ladder is State.HOLD
+    assert asked(restarted, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
+    go_on(restarted, 0.3)
+    assert restarted.notes[-1] == "over: left foot, torque l_el"
+    assert restarted.cap == np.inf
+
+
+@pytest.mark.parametrize("part", ["torque l_el", "left foot", "all"])
+def test_what_a_new_planner_has_inherited_can_be_let_go(restarted: Restarted, part: str) -> None:
+    """It was refused as asked for nothing, while the elbow was capped."""
+    refused = asked(restarted, Relax("torque r_el"))
+    assert refused.state == "refused" and "one of: left foot, torque l_el" in str(refused.reason)
+    assert asked(restarted, Relax(part)).state == "accepted"
+    go_on(restarted, 0.4)
+    assert restarted.notes[-1] == "over: left foot, torque l_el" and restarted.cap == np.inf
+
+
+def test_parking_ends_what_a_new_planner_has_inherited(restarted: Restarted) -> None:
+    restarted.session.ask(Request.DISARM)
+    restarted.until_state(State.PARK)
+    go_on(restarted, 0.3)
+    assert restarted.notes[-1] == "over: left foot, torque l_el" and restarted.cap == np.inf
