@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.text.amounts import tokens_of
 from flexmotion.text.limbs import limb_refusal
 from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
@@ -21,8 +20,6 @@ from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
 from flexmotion.text.spelling import is_foreign, respelled
-from flexmotion.text.wording import plain as words_of
-from flexmotion.text.wording import taught
 
 SAME = 0.99
 """Least cosine of two equal wordings."""
@@ -32,9 +29,6 @@ BREADTH = 10.0
 
 TRIES = 3
 """Motions that are named to try where a sentence is not understood: those with the nearest wordings."""
-
-SURE_OF_NOTHING = 0.9
-"""Least share of a kind for a sentence that is listed as meaningless; a listener taught otherwise is surer."""
 
 NAMED = 6
 """Kinds of motion that a refusal names, of the dozens that a model may offer."""
@@ -157,8 +151,6 @@ class PromptReader:
         kind, share = str(self._kinds[nearest]), 1.0
         if best <= SAME or is_other_side(kind, plain):
             kind, share = self._classified(sentence, self._encode(sentence), best)
-            if share < SURE_OF_NOTHING and taught().get(words_of(tokens_of(sentence))) == NOTHING:
-                kind = NOTHING
         if kind == NOTHING:
             meant = self._respelled(plain)
             language = " (it hears English)" if meant is None and is_foreign(plain) else ""

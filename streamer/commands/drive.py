@@ -36,7 +36,6 @@ def drive(
     from flexmotion.streamer.gateway.keyboard import Keyboard, keys_at_once
 
     stops, terminal = run.client(), sys.stdin.fileno()
-    stops.learn_stop_port()
     with keys_at_once(terminal):
         keyboard = Keyboard(
             lambda: AsyncClient(run.host, run.port, source=run.source, token=stops.token), stops, fastest

@@ -204,7 +204,7 @@ def stop(
     """Bring the robot to a balanced stand; it refuses targets until `flexmotion clear`. Needs no token.
 
     It goes to the stop process of the run, which works also where nothing else of it does: at --stop-port. A run on
-    another --port is asked for that port, which takes its token, if it has one, and a gateway that answers.
+    another --port is asked for that port, which takes a gateway that answers.
 
     [bold]Examples[/bold]
 

@@ -48,8 +48,12 @@ class AsyncClient(Messages):
             self._socket = await self._open.enter_async_context(connect(self.url, **self.options))
         except (OSError, WebSocketException) as error:
             raise await asyncio.to_thread(self.failed, error) from error
+        try:
+            await asyncio.to_thread(self.learn_stop_port)
+        except asyncio.CancelledError:
+            await self._open.aclose()
+            raise
         self._reading = asyncio.create_task(self._read())
-        await asyncio.to_thread(self.learn_stop_port)
         return self
 
     async def __aexit__(

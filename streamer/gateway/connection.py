@@ -10,6 +10,7 @@ from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from socket import gaierror
 from typing import Any
+from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict
 from websockets.exceptions import InvalidStatus
@@ -18,6 +19,7 @@ from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
 from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, MessageError, decode, encode
+from flexmotion.streamer.gateway.stop_path import SOURCE_HEADER, STOPS
 
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
@@ -59,8 +61,9 @@ class Messages:
     """What both clients send.
 
     Args:
-        host, port, stop_port: of the run; without a stop port that of a run on the usual port is the usual one, and a
-            run on another port is asked for it, with the token, before the first stop.
+        host, port: of the run.
+        stop_port: its port for stops; None: the run is asked for it with every connection. A stop before the first one
+            goes to the usual port where the run has the usual port for targets, and asks a run on another port.
         source: name of this program; the run's settings give it a priority.
         token: of the run; None: the environment variable FLEXMOTION_TOKEN, if it is set.
     """
@@ -75,6 +78,7 @@ class Messages:
         token: str | None = None,
     ) -> None:
         self.host, self.port, self.stop_port, self.source = host, port, stop_port, source
+        self._told_stop_port: int | None = None
         self.token = find_token() if token is None else token
         self._ids, self._session = itertools.count(1), uuid.uuid4().hex[:8]
 
@@ -96,8 +100,9 @@ class Messages:
 
     @property
     def headers(self) -> dict[str, str]:
-        """Of HTTP: the token."""
-        return {} if self.token is None else {"Authorization": f"Bearer {self.token}"}
+        """Of HTTP: the token, and who sends."""
+        token = {} if self.token is None else {"Authorization": f"Bearer {self.token}"}
+        return {SOURCE_HEADER: quote(self.source), **token}
 
     def message(self, content: Mapping[str, Any]) -> tuple[str, str]:
         """The id and the text of a message. Raises `MessageError` where it is not valid."""
@@ -138,30 +143,32 @@ class Messages:
 
     def learn_stop_port(self) -> None:
         """Find the port for stops while the gateway answers: a stop must not wait for a busy or dead one."""
-        with suppress(GatewayError):  # told at the first stop, which asks again
-            self.find_stop_port()
+        if self.stop_port is None:
+            self._told_stop_port = None
+            with suppress(GatewayError):  # told at the first stop, which asks again
+                self._told_stop_port = self._asked_stop_port()
 
     def find_stop_port(self) -> int:
-        """The port for stops: as given, the usual one beside the usual port, else as the run tells.
+        """The port for stops: as given, as the run has told, the usual one beside the usual port, else as it tells now.
 
         Raises:
             GatewayError: the run does not tell it.
         """
-        if self.stop_port is None and self.port == _DEFAULT.port:
-            self.stop_port = _DEFAULT.stop_port
-        if self.stop_port is None:
-            give = "give that port: --stop-port, or Client(stop_port=...)"
-            try:
-                content = self.fetch("GET", self.port, "/status", patience_s=_LOOK_UP_S)
-            except GatewayError as error:
-                raise GatewayError(f"{error}; its port for stops is not known: {give}") from error
-            if "POST /estop" in str(content.get("reason")):  # the stop process itself
-                self.stop_port = self.port
-            elif isinstance(content.get("stop_port"), int):
-                self.stop_port = int(content["stop_port"])
-            else:
-                raise GatewayError(f"{self.host}:{self.port}: it does not tell its port for stops: {give}")
-        return self.stop_port
+        known = self.stop_port or self._told_stop_port
+        if known is None and self.port == _DEFAULT.port:
+            return _DEFAULT.stop_port
+        return self._asked_stop_port() if known is None else known
+
+    def _asked_stop_port(self) -> int:
+        """The port for stops, as the run tells now. Raises `GatewayError` where it does not."""
+        give = "its port for stops is not known, give it: --stop-port, or Client(stop_port=...)"
+        try:
+            content = self.fetch("GET", self.port, STOPS, patience_s=_LOOK_UP_S)
+        except GatewayError as error:
+            raise GatewayError(f"{error}; {give}") from error
+        if not isinstance(content.get("stop_port"), int):
+            raise GatewayError(f"{self.host}:{self.port}: {give}")
+        return int(content["stop_port"])
 
     needs_token = f"it needs its token: set {TOKEN_VARIABLE}, or give --token-file or Client(token=...)"
 

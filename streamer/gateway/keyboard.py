@@ -105,6 +105,7 @@ class Keyboard:
             try:
                 async with self.connect() as client:
                     self._client = client
+                    await asyncio.to_thread(self.stops.learn_stop_port)
                     self._show("connected")
                     await client.closed()
             except GatewayError as error:

@@ -26,6 +26,7 @@ from flexmotion.streamer.gateway.messages import GET_UP_S, KINDS, Answer, Messag
 from flexmotion.streamer.gateway.metrics import METRICS_TYPE
 from flexmotion.streamer.gateway.pages import FILES, Pages, add_pages
 from flexmotion.streamer.gateway.status import Status
+from flexmotion.streamer.gateway.stop_path import STOPS
 
 _FASTEST_STATUS_HZ = 50.0
 _ANSWER_S = GET_UP_S + 5.0
@@ -52,10 +53,12 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
-        # The page's own files hold nothing of the run: a browser loads them before the page can ask for the token.
-        is_file = scope["type"] == "http" and (scope["path"] == "/" or scope["path"].startswith(FILES))
+        # The page's own files hold nothing of the run: a browser loads them before the page can ask for the token. A
+        # STOP needs no token, nor does the question where it goes to.
+        path = scope["path"] if scope["type"] == "http" else ""
+        is_open = path in ("/", STOPS) or path.startswith(FILES)
         query = scope.get("query_string", b"").decode("latin-1")
-        refusal = self.admission.refusal(headers, query, token_needed=not is_file)
+        refusal = self.admission.refusal(headers, query, token_needed=not is_open)
         if refusal is None:
             await self.app(scope, receive, send)
             return
@@ -210,6 +213,11 @@ def build_app(
     async def get_status() -> Status:
         """The run now."""
         return status()
+
+    @app.get(STOPS)
+    async def get_stops() -> dict[str, int | None]:
+        """The port of the process that takes stops; without the token."""
+        return {"stop_port": status().stop_port}
 
     @app.get("/health")
     async def get_health(response: Response) -> dict[str, Any]:

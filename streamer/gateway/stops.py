@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
+from urllib.parse import unquote
 
 import h11
 
@@ -25,6 +26,7 @@ from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.health import Health
 from flexmotion.streamer.gateway.ports import bound, check_free
 from flexmotion.streamer.gateway.presses import LOOK_S, Presses, StopInput, told
+from flexmotion.streamer.gateway.stop_path import SOURCE_HEADER, STOPS
 from flexmotion.streamer.gateway.ways import Way, began, ended
 from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import Request, RequestChannel
@@ -38,6 +40,8 @@ _MOST_BYTES = 8192
 _MOST_CONNECTIONS = 100
 """Beyond these the oldest connection is closed: one that sends nothing keeps no other out."""
 _CLOSE_S, _LINGER_S = 1.0, 0.5
+_LONGEST_NAME = 60
+"""Letters of the name of a program that presses a stop."""
 _BEAT_S = 0.5
 """Time between two signs of life [s]."""
 
@@ -214,7 +218,7 @@ class _Server:
             known,
             query.decode("latin-1"),
             # A browser asks with OPTIONS whether it may send the token at all.
-            token_needed=asked is not Request.STOP and request.method != b"OPTIONS",
+            token_needed=asked is not Request.STOP and path != STOPS.encode() and request.method != b"OPTIONS",
         )
         if refusal is not None:
             return refusal.status, told(asked, "refused", reason=refusal.reason), []
@@ -222,16 +226,19 @@ class _Server:
         if request.method == b"OPTIONS" and asked is not None:
             allowed = [("access-control-allow-methods", "POST"), ("access-control-allow-headers", "authorization")]
             return 200, {}, shared + allowed
+        if path == STOPS.encode():
+            return 200, {"stop_port": self.service.port}, shared
         if asked is None:
             return 404, told(None, "refused", reason="expected POST /stop or POST /estop"), shared
         if request.method != b"POST":
             return 405, told(asked, "refused", reason="expected POST"), shared
-        content = await self._ask(asked)
+        content = await self._ask(asked, known.get(SOURCE_HEADER.lower(), ""))
         return (200 if content["state"] == "accepted" else 503), content, shared
 
-    async def _ask(self, asked: Request) -> dict[str, Any]:
-        """Send the request, and wait until the loop has taken it."""
-        press = self._presses.press(asked, "stop process")
+    async def _ask(self, asked: Request, source: str) -> dict[str, Any]:
+        """Send the request of a program, by its name, and wait until the loop has taken it."""
+        name = "".join(letter for letter in unquote(source)[:_LONGEST_NAME] if letter.isprintable())
+        press = self._presses.press(asked, name or "stop process")
         while press.told is None:
             await asyncio.sleep(LOOK_S)
             self._presses.look()

@@ -126,9 +126,3 @@ def test_a_manner_that_is_not_offered_is_dropped(heard: Heard) -> None:
     prompt = heard([-1.0, 0.35, 0.0], "bow proudly", bow=0.9)
     assert (prompt.kind, prompt.manner, prompt.dropped) == ("bow", "normal", ("proudly",))
     assert heard([0.0, 0.0, 1.0], "stand proudly").dropped == ("proudly",)
-
-
-@pytest.mark.parametrize(("share", "known"), [(0.7, False), (50.0, True)])
-def test_a_sentence_listed_as_meaningless_needs_a_surer_listener(heard: Heard, share: float, known: bool) -> None:
-    """Both arms were spread for "cross your arms", listed as meaningless: the listener was surer of its words."""
-    assert heard([-1.0, -1.0, 0.0], "the exam was a walk in the park", bow=share, walk=0.3).known == known

@@ -14,7 +14,7 @@ from flexmotion.streamer.gateway.service import GatewayService
 
 from ...waiting import HANGING_S
 from .conftest import Answering
-from .test_server import answered, begin, counts, http
+from .test_server import answered, counts, http
 
 __all__ = ["begin"]
 

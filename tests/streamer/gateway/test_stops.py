@@ -140,14 +140,14 @@ def test_a_stop_finds_its_port_from_that_for_targets(
     end = gateway.follow()
     wait_until(lambda: listens(gateway.port), "the gateway to listen")
     try:
-        assert Client(port=gateway.port, token=TOKEN).stop().state == "accepted"
-        connected = Client(port=gateway.port, token=TOKEN)
+        connected = Client(port=gateway.port, token=TOKEN, source="phone")
         connected.take()
-        assert execute(["stop", "--port", str(gateway.port)]) == 3
-        assert "its port for stops is not known: give that port: --stop-port" in capsys.readouterr().err
+        assert execute(["stop", "--port", str(gateway.port)]) == 0, "a STOP needs no token"
     finally:
         end(True)
     assert connected.stop().state == "accepted", "it has known the port since it connected"
+    assert execute(["stop", "--port", str(gateway.port)]) == 3
+    assert "its port for stops is not known, give it: --stop-port" in capsys.readouterr().err
     assert execute(["stop", "--port", str(gateway.port), "--stop-port", str(service.port)]) == 0, "needs no gateway"
     assert Client(port=service.port, token=TOKEN).stop().state == "accepted", "it is the port for stops already"
     assert loop.requested == [Request.STOP] * 4
