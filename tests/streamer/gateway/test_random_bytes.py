@@ -16,8 +16,6 @@ from ...waiting import HANGING_S
 from .conftest import Answering
 from .test_server import answered, counts, http
 
-__all__ = ["begin"]
-
 FRAMES, CONNECTIONS = 2000, 100
 
 
