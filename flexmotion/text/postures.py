@@ -7,7 +7,7 @@ from functools import lru_cache
 from flexmotion.text.amounts import Token
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stem
+from flexmotion.text.wording import begins, plain, stem
 
 
 def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
@@ -30,7 +30,9 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
             continue
         end = part + 1 if tokens[part] in legs else _end(tokens, part + 1)
         rest = [*tokens[:place], *tokens[end:]]
-        straight = known.words("onward") | known.words("backward")  # whichever foot steps: "step back with your left foot"
+        straight = known.words("onward") | known.words(
+            "backward"
+        )  # whichever foot steps: "step back with your left foot"
         if end > part + 1 or (tokens[part] in legs and straight & {*rest} and not sides(plain(rest))):
             return rest, plain(tokens[place:end])
     return tokens, None
@@ -52,6 +54,8 @@ def _end(tokens: list[Token], start: int) -> int:
             posed = True
         elif token in known.words("directions") and not named:
             return place if posed else start
+        elif posed and (token in known.table["speeds"] or begins(tokens, place, known.phrases("little"))):
+            return place
         elif token in known.words("posture_ends") and place > start:
             later = set(tokens[place:]) & known.words("directions")
             return start if later and not posed else place
