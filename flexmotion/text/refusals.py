@@ -6,6 +6,7 @@ import re
 
 from flexmotion.text.amounts import tokens_of
 from flexmotion.text.phrases import STAND
+from flexmotion.text.postures import without_posture
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
@@ -29,6 +30,10 @@ def refusal_of(words: list[str]) -> str | None:
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
             return f"{phrase!r}: no model and no robot of this project does that"
+    if limits := [word for word in words if word in known.words("restricting")]:
+        return f"{limits[0]!r}: a restriction of the robot; say it in a sentence of its own"
+    if " take off " in text and not any(f" take off {word} " in text for word in known.words("harmed") | {"your"}):
+        return "'take off': no model and no robot of this project does that"
     if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
         return f"{words[0]!r}: no model and no robot of this project does that"
     if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
@@ -43,7 +48,8 @@ def refusal_of(words: list[str]) -> str | None:
     feet = [word for word in words if stem(word) in known.words("feet_motions")]
     if len(named) + bool(feet) > 1:
         return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
-    return _walking_refusal(words, text)
+    rest = [word for word in without_posture([*words])[0] if isinstance(word, str)]
+    return _walking_refusal(rest, f" {' '.join(rest)} ")
 
 
 def _lifts_foot(words: list[str]) -> bool:
@@ -138,6 +144,12 @@ def is_no_walk(text: str) -> bool:
         and taught().get(plain(tokens_of(text))) is None
         and stem(words[0]) in vocabulary().words("unlike_walking")
     )
+
+
+def is_unlike(text: str, kind: str) -> bool:
+    """Whether a request is none of a kind of motion that a listener may hear in it: "lean forward" is no bow."""
+    words = [stem(word) for word in text.lower().split() if word.isalpha()]
+    return words[:1] != [] and words[0] in vocabulary().table["unlike"].get(kind, ()) and kind not in words
 
 
 def moves_feet(text: str) -> bool:

@@ -37,7 +37,7 @@ _AT_MOST = re.compile(rf"{_MOST}\s{_NUMBER}\s(?:of\storque\s)?(?:at|in|on|for|wi
 _TO_LIMIT = r"(?:limit|cap|restrict)\s(?:the\storque\s(?:of|at|in|on)\s)?"
 _LIMIT = re.compile(rf"{_TO_LIMIT}{_JOINT}(?:\storque)?\s(?:to|at)\s{_NUMBER}")
 _NO_LIMIT = re.compile(
-    rf"(?:remove|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
+    rf"(?:remove|take\soff|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
 )
 
 

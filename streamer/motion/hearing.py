@@ -28,9 +28,10 @@ from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
-from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, moves_feet, names_head
+from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
 from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import stem
 
 
 class Hearing:
@@ -162,6 +163,8 @@ class Hearing:
     def _without_forbidden(self, sentence: str, clauses: Sequence[Clause]) -> list[Clause]:
         """The clauses that ask for something; refuses a sentence that asks for what it forbids."""
         forbidden: list[str] = []
+        wanted = [clause for clause in clauses if not clause.forbidden]
+        moving = any(self._moves(clause) for clause in wanted)
         for clause in (one for one in clauses if one.forbidden):
             if clause.text.split()[:1] and clause.text.split()[0] in vocabulary().words("still_verbs"):
                 continue  # "raise your hand and don't lower it"
@@ -169,18 +172,20 @@ class Hearing:
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
                 forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
                 continue
-            if (
-                clause is not clauses[0]
-                and clause.text
-                and (moves_along(clause.text) or (prompt is not None and not prompt.known and _qualifies(clause)))
-            ):
-                raise RefusedError(f"{clause.said!r}: the robot cannot promise that; say what it is to do without it")
-            if prompt is not None and prompt.kind in vocabulary().table["walks"] and _is_manner(prompt):
+            unknown = prompt is not None and (not prompt.known or prompt.kind == STAND)
+            if moves_along(clause.text) or (clause is not clauses[0] and unknown and _qualifies(clause)):
+                if moving:
+                    reason = "the robot cannot promise that; say what it is to do without it"
+                    raise RefusedError(f"{clause.said!r}: {reason}")
+                if wanted:
+                    continue  # "stand still, don't move your arms"
+            if prompt is not None and prompt.kind in vocabulary().table["walks"] and _says_manner(prompt):
+                if any(_same_manner(prompt, self.model.prompt(one.text)) for one in wanted if one.text):
+                    raise RefusedError(f"{clause.said!r}: that manner is asked for and forbidden in one sentence")
                 continue  # "walk without limping" forbids a manner
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
             forbidden.append(prompt.kind)
-        wanted = [clause for clause in clauses if not clause.forbidden]
         for clause in wanted:
             if clause.asks is Asks.MOTION and clause.refusal is None:
                 kind = self.model.prompt(clause.text).kind
@@ -189,6 +194,10 @@ class Hearing:
             elif clause.asks is not Asks.MOTION and forbidden:
                 raise RefusedError(f"{clause.said!r} could mean what the sentence forbids")
         return wanted
+
+    def _moves(self, clause: Clause) -> bool:
+        """Whether a clause asks for anything but standing."""
+        return clause.asks is not Asks.MOTION or self.model.prompt(clause.text).kind != STAND
 
     # ------------------------------------------------------------ what is under way
 
@@ -269,8 +278,13 @@ class Hearing:
         known, prompt = vocabulary(), self.model.prompt(clause.text)
         turns, walks = (clause.text in known.words(f"{name}_verbs") for name in ("turn", "walk"))
         for step in reversed(done):
-            alike = step.kind.split("-")[0] == prompt.kind.split("-")[0] and step.kind != STAND
-            if step.turn != 0 if turns else step.axis != (0, 0) if walks else alike:
+            if turns:
+                named = step.turn != 0
+            elif walks:
+                named = step.axis != (0, 0)
+            else:
+                named = step.kind.split("-")[0] == prompt.kind.split("-")[0] and step.kind != STAND
+            if named:
                 return [step]
         if turns or walks or not prompt.known or prompt.kind == STAND:
             raise RefusedError(f"{clause.said!r}: no {clause.text} was done before that could be repeated")
@@ -338,7 +352,7 @@ class Hearing:
             raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         feet = prompt.kind in table["walks"] or prompt.kind in table["turns"]
-        if feet and is_no_walk(clause.text):
+        if (feet and is_no_walk(clause.text)) or is_unlike(clause.text, prompt.kind):
             raise RefusedError(f"{clause.said!r} is not understood: no known motion is like it")
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
@@ -404,9 +418,15 @@ def _qualifies(clause: Clause) -> bool:
     return clause.joint == "but" or clause.said.split()[:1] == ["without"]
 
 
-def _is_manner(prompt: Prompt) -> bool:
-    """Whether words name a manner, one of the model's or not."""
+def _says_manner(prompt: Prompt) -> bool:
+    """Whether words say how a motion is done, in a manner of the model or in words that it drops."""
     return prompt.manner != NORMAL or prompt.dropped != ()
+
+
+def _same_manner(one: Prompt, other: Prompt) -> bool:
+    """Whether two prompts say the same manner, or drop the same words: "limp" and "limping"."""
+    dropped = ({" ".join(map(stem, part.split())) for part in prompt.dropped} for prompt in (one, other))
+    return (one.manner == other.manner != NORMAL) or bool(set.intersection(*dropped))
 
 
 def _rounded(prompt: Prompt) -> float:

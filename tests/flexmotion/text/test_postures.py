@@ -30,6 +30,27 @@ def test_a_walk_is_told_from_the_posture_that_it_is_to_be_made_in(
 
 
 @pytest.mark.parametrize(
+    ("sentence", "rest"),
+    [
+        ("step with your right foot to the right", "step with your right foot to the right"),
+        ("walk with your feet to the left", "walk with your feet to the left"),
+        ("walk with your hands forward", "walk with your hands forward"),
+        ("walk with your arms limp to the left", "walk with your arms limp to the left"),
+        ("step with your left foot backwards", "step backwards"),
+        ("walk with your left arm raised to the right", "walk to the right"),
+        ("walk with your arms up left", "walk left"),
+        ("walk with your hands behind your back", "walk"),
+        ("walk with your right foot in front of the left", "walk"),
+        ("walk with your eyes closed slowly", "walk slowly"),
+        ("walk with your head down but a short distance", "walk but a short distance"),
+    ],
+)
+def test_a_posture_takes_nothing_that_is_said_of_the_walk(sentence: str, rest: str) -> None:
+    """A step "with your right foot to the right" was a walk ahead without end; "but not far" was lost likewise."""
+    assert plain(without_posture(tokens_of(sentence))[0]) == rest
+
+
+@pytest.mark.parametrize(
     ("text", "along"),
     [
         ("swing your arms", True),
@@ -38,6 +59,9 @@ def test_a_walk_is_told_from_the_posture_that_it_is_to_be_made_in(
         ("raise your arm", False),
         ("wave your hand", False),
         ("swing", False),
+        ("arms", True),
+        ("your left hand", True),
+        ("with the left hand", False),
     ],
 )
 def test_what_a_motion_does_by_itself_is_told_from_motions_of_their_own(text: str, along: bool) -> None:

@@ -58,6 +58,7 @@ def test_a_torque_is_let_go() -> None:
     expected = RestrictionPhrase(joint="right elbow", lets_go=True)
     assert restriction_phrase("remove the torque limit of the right elbow") == expected
     assert restriction_phrase("lift the limit at your right elbow") == expected
+    assert restriction_phrase("take off the torque limit of the right elbow") == expected  # refused as flight
 
 
 @pytest.mark.parametrize(
