@@ -147,7 +147,7 @@ class RestrictionTargets:
         """No target can be followed."""
         for target, _ in self._waiting:
             self._tell(target, "refused", reason)
-        self._waiting = []
+        self._waiting, self._all_go = [], False
 
     def begin_with(self, number: int, plan: Plan) -> None:
         """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
