@@ -352,6 +352,8 @@ class Replanner:
             return False
         if self.parts.wants(last, tick) or self.restrictions.wants(last, tick):
             return True
+        if self.restrictions.inherits:
+            return False  # a plan would lift the caps, though nobody asks for anything; arms stay where they are
         plan = self._made.plan(last)
         moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
         return moves and tick >= self._asked_tick + self._replan_ticks

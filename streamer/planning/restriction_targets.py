@@ -170,6 +170,11 @@ class RestrictionTargets:
             self._inherited = None
 
     @property
+    def inherits(self) -> bool:
+        """Whether the loop still plays a plan of another process that was restricted."""
+        return self._inherited is not None
+
+    @property
     def restrictions(self) -> Restrictions:
         """What holds, for the retargeter."""
         caps = {

@@ -294,3 +294,18 @@ def test_a_relax_that_a_new_planner_refuses_lifts_no_cap(capped: Restarted) -> N
     go_on(capped, 1.0)
     assert capped.notes[-1] == "until the next target: torque l_el: the planner was started again"
     assert capped.cap == pytest.approx(0.4) and capped.session.state.ladder is State.HOLD
+
+
+def test_a_hand_whose_time_is_over_ends_no_cap_that_a_new_planner_has_inherited(capped: Restarted) -> None:
+    """The planner made a plan for the way back of a hand that it knew nothing of: nobody asked, and the cap ended."""
+    there = Hand("right", (0.12, -0.12, 0.05), in_s=1.0)
+    assert asked(capped, there, 3.0).state == "accepted"
+    go_on(capped, 1.2)
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 4.0)
+    assert capped.notes[-1] == "until the next target: torque l_el: the planner was started again"
+    assert capped.cap == pytest.approx(0.4) and capped.session.state.ladder is State.HOLD
+    assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
+    go_on(capped, 0.3)
+    assert capped.notes[-1] == "over: torque l_el" and capped.cap == np.inf
