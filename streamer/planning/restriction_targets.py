@@ -42,7 +42,7 @@ class _Inherited:
 
     Attributes:
         plan: its id.
-        feet, joints: that are restricted; joints are columns of arms and head, the only ones that the loop caps.
+        feet, joints: that are restricted; joints are columns.
         words: names of both.
     """
 
@@ -152,10 +152,10 @@ class RestrictionTargets:
     def begin_with(self, number: int, plan: Plan) -> None:
         """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
 
-        Its caps stay in the loop meanwhile: after a failure no joint gets stronger before somebody asks for something.
+        Its caps of arms and head stay in the loop meanwhile: after a failure no joint gets stronger before somebody asks for something.
         """
         names = self._retargeter.robot.joint_names
-        joints = np.flatnonzero(np.isfinite(plan.torque_cap)).tolist()
+        joints = np.flatnonzero(np.isfinite(plan.asked_cap)).tolist()
         feet = np.flatnonzero(self._retargeter.layout.view(plan.states[-1].copy()).planted).tolist()
         words = [*(FOOT_PARTS[FEET[foot]] for foot in feet), *(f"torque {names[joint]}" for joint in joints)]
         if not words:

@@ -236,7 +236,9 @@ def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
     ]
 
 
-def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Started again in FAULT, it planned what the run was started with as soon as the robot was armed and stood."""
     made: list[Replanner] = []
     make = RunParts.replanner

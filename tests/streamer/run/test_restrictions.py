@@ -309,3 +309,15 @@ def test_a_hand_whose_time_is_over_ends_no_cap_that_a_new_planner_has_inherited(
     assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
     go_on(capped, 0.3)
     assert capped.notes[-1] == "over: torque l_el" and capped.cap == np.inf
+
+
+def test_a_new_planner_tells_when_caps_of_legs_are_over(capped: Restarted) -> None:
+    """They ended over the restart of the planner without a note: the plan carried those of arms and head alone."""
+    assert asked(capped, TorqueCap("l_knee", 1.0), FOREVER).state == "accepted"
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 0.5)
+    assert capped.notes[-1] == "until the next target: torque l_el, torque l_knee: the planner was started again"
+    assert asked(capped, Relax("torque l_knee")).state == "accepted"
+    go_on(capped, 0.4)
+    assert capped.notes[-1] == "over: torque l_el, torque l_knee"
