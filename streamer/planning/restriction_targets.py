@@ -152,7 +152,8 @@ class RestrictionTargets:
     def begin_with(self, number: int, plan: Plan) -> None:
         """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
 
-        Its caps of arms and head stay in the loop meanwhile: after a failure no joint gets stronger before somebody asks for something.
+        Its caps of arms and head stay in the loop meanwhile: after a failure none of them gets stronger before somebody
+        asks for something.
         """
         names = self._retargeter.robot.joint_names
         joints = np.flatnonzero(np.isfinite(plan.asked_cap)).tolist()
