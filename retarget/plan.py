@@ -42,6 +42,7 @@ class Plan:
         withheld: steps of the human that are not made because a foot is to stay where it is; 0 for a plan from shared
             memory.
         torque_cap: greatest torque that goals of arms and head may imply, (n,) [N·m]; infinite where there is none.
+        asked_cap: the same as it was asked for, of all joints, (n,) [N·m]; those of legs bind the plan alone.
         eased: what it was eased to, and why; None where plans are not judged, and for a plan from shared memory.
         human: the human frames that the plan was made from, from source frame `human_first_frame` on, so that the next
             plan can blend from them; None for a stop, and for a plan from shared memory.
@@ -68,6 +69,7 @@ class Plan:
     repairs: dict[str, NDArray[np.int64]]
     steps: list[Step]
     torque_cap: Float
+    asked_cap: Float
     withheld: int = 0
     eased: Eased | None = None
     human: Motion | None = None

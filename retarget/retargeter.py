@@ -326,6 +326,7 @@ class Retargeter:
             },
             steps=[step for step in walk.steps if step.lift >= tick],
             torque_cap=self._clamp(restrictions),
+            asked_cap=restrictions.cap(self.robot.n),
             withheld=walk.withheld,
             human=motion,
             human_first_frame=first_frame,

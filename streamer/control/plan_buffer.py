@@ -86,6 +86,7 @@ class PlanHead(Record):
     step_count: Int = column("i8")
     steps: StepRecord = column(StepRecord, MOST_STEPS)
     torque_cap: Float = column("f8", "joints")
+    asked_cap: Float = column("f8", "joints")
 
 
 class PlanRows(Record):
@@ -180,7 +181,7 @@ class PlanBuffer:
         head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
         head.step_count[...] = len(plan.steps)
         head.steps[: len(plan.steps)] = pack_steps(plan.steps)
-        head.torque_cap[...] = plan.torque_cap
+        head.torque_cap[...], head.asked_cap[...] = plan.torque_cap, plan.asked_cap
         fence()
         self._slot[0] = slot
         fence()
@@ -247,6 +248,7 @@ class PlanBuffer:
             repairs={kind: rows.repairs[:, index] for index, kind in enumerate(REPAIRS)},
             steps=head.steps[: int(head.step_count)].steps(),
             torque_cap=head.torque_cap,
+            asked_cap=head.asked_cap,
             **arrays,
         )
         return Offer(Ticket(**{name: getattr(head, name).item() for name in _TICKET}), plan, slot)

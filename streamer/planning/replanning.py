@@ -285,7 +285,8 @@ class Replanner:
         """Take over from a planner that died, once the robot stands; returns whether that is done.
 
         The pose is that of the plan that plays, at its end. The human of that planner is lost: the next one begins from
-        a stand, wherever the robot is. Until a new target arrives the robot stands.
+        a stand, wherever the robot is. Until a new target arrives the robot stands, also where no plan plays any more:
+        plans were made before, and what the run was started with does not begin again.
         """
         self.ledger.take(tick)
         reason = "the planner was started again, and the robot does not stand yet"
@@ -293,7 +294,7 @@ class Replanner:
         self.parts.refuse_all(reason)
         self.restrictions.refuse_all(reason)
         if not row.plan:
-            self._succeeds = not row.ready
+            self._succeeds, self.ledger.halted = not row.ready, True
             return not self._succeeds
         offer = self.plans.playing()
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
@@ -352,6 +353,8 @@ class Replanner:
             return False
         if self.parts.wants(last, tick) or self.restrictions.wants(last, tick):
             return True
+        if self.restrictions.inherits:
+            return False  # a plan would lift the caps, though nobody asks for anything; arms stay where they are
         plan = self._made.plan(last)
         moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
         return moves and tick >= self._asked_tick + self._replan_ticks

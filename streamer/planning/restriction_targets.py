@@ -42,7 +42,7 @@ class _Inherited:
 
     Attributes:
         plan: its id.
-        feet, joints: that are restricted; joints are columns of arms and head, the only ones that the loop caps.
+        feet, joints: that are restricted; joints are columns.
         words: names of both.
     """
 
@@ -147,15 +147,16 @@ class RestrictionTargets:
         """No target can be followed."""
         for target, _ in self._waiting:
             self._tell(target, "refused", reason)
-        self._waiting = []
+        self._waiting, self._all_go = [], False
 
     def begin_with(self, number: int, plan: Plan) -> None:
         """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
 
-        Its caps stay in the loop meanwhile: after a failure no joint gets stronger before somebody asks for something.
+        Its caps of arms and head stay in the loop meanwhile: after a failure none of them gets stronger before somebody
+        asks for something.
         """
         names = self._retargeter.robot.joint_names
-        joints = np.flatnonzero(np.isfinite(plan.torque_cap)).tolist()
+        joints = np.flatnonzero(np.isfinite(plan.asked_cap)).tolist()
         feet = np.flatnonzero(self._retargeter.layout.view(plan.states[-1].copy()).planted).tolist()
         words = [*(FOOT_PARTS[FEET[foot]] for foot in feet), *(f"torque {names[joint]}" for joint in joints)]
         if not words:
@@ -168,6 +169,11 @@ class RestrictionTargets:
         if self._inherited is not None and int(row.plan) != self._inherited.plan:
             self._on_note(f"over: {self._inherited.words}")
             self._inherited = None
+
+    @property
+    def inherits(self) -> bool:
+        """Whether the loop still plays a plan of another process that was restricted."""
+        return self._inherited is not None
 
     @property
     def restrictions(self) -> Restrictions:

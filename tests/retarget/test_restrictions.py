@@ -49,6 +49,8 @@ def test_caps_of_arms_bind_the_goals_of_the_loop_and_caps_of_legs_do_not(retarge
     caps = {KNEE: 1.0, ELBOW: 0.5}
     plan = retargeter.plan(retargeter.standing(), None, 0, 0, restrictions=Restrictions(caps=caps))
     assert plan.torque_cap[ELBOW] == 0.5 and np.isinf(np.delete(plan.torque_cap, ELBOW)).all()
+    assert (plan.asked_cap[KNEE], plan.asked_cap[ELBOW]) == (1.0, 0.5)
+    assert np.isinf(np.delete(plan.asked_cap, [KNEE, ELBOW])).all()
 
 
 def test_a_capped_plan_needs_no_more_or_comes_to_a_stop(retargeter: Retargeter, walk: Motion) -> None:

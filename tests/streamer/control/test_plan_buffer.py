@@ -83,7 +83,8 @@ def test_a_head_has_every_field_of_a_ticket() -> None:
 
 def test_rows_have_every_array_of_a_plan(plan: Plan) -> None:
     arrays = {field.name for field in fields(Plan) if isinstance(getattr(plan, field.name), np.ndarray)}
-    assert arrays - {"torque_cap"} | {"repairs"} == set(PlanRows.names())  # the cap is the plan's, in its head
+    caps = {"torque_cap", "asked_cap"}
+    assert arrays - caps | {"repairs"} == set(PlanRows.names())  # the caps are the plan's, in its head
 
 
 def test_a_plan_too_long_for_a_slot_is_refused_with_a_reason(buffer: PlanBuffer, plan: Plan) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.planning.replanning import Replanner
+from flexmotion.streamer.run.parts import RunParts
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
@@ -231,3 +234,37 @@ def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
         "CLEAR: overridden in its own tick by STOP",
         "CLEAR: overridden in its own tick by KILL from gamepad",
     ]
+
+
+def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Started again in FAULT, it planned what the run was started with as soon as the robot was armed and stood."""
+    made: list[Replanner] = []
+    make = RunParts.replanner
+
+    def kept(*arguments: Any) -> Replanner:
+        made.append(make(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(RunParts, "replanner", kept)
+    run = Attended(picked_up_s=1.0)  # a robot without torque tips over
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        run.ask(Request.ESTOP)
+        run.until_state(State.FAULT)
+        (replanner,) = made
+        replanner.ledger.halted = False  # as in a new process
+        replanner.succeed()
+        session.advance(0.5)
+        run.ask(Request.CLEAR)
+        session.advance(6.0)
+        run.ask(Request.ARM)
+        run.until(lambda: session.telemetry.ticks.latest()["ready"], "the robot to stand")
+        session.advance(1.0)
+        assert session.state.ladder is State.READY
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        session.advance(1.0)
+        assert session.state.ladder is State.STREAMING
+        session.finish()

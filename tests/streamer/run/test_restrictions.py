@@ -200,6 +200,15 @@ class Restarted(Live):
     """A run whose control loop the test sees."""
 
     loop: ControlLoop
+    replanner: Replanner
+
+    def restart(self) -> None:
+        """Go on as a planner in a new process: its records are empty."""
+        new = self.replanner
+        retargeter = new.planner.retargeter
+        new.restrictions = RestrictionTargets(retargeter, new._publish, new.on_note, new._stand_still)
+        new.parts = PartTargets(retargeter, new._publish, new.on_note)
+        new.succeed()
 
     @property
     def cap(self) -> float:
@@ -212,14 +221,13 @@ class Restarted(Live):
 
 
 @pytest.fixture
-def restarted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Restarted]:
-    """A robot that stands, its left foot kept down and its left elbow capped, with a planner that was started again."""
-    made: list[Replanner] = []
+def capped(monkeypatch: pytest.MonkeyPatch) -> Iterator[Restarted]:
+    """A robot that stands, its left elbow capped."""
     make, make_loop, one = RunParts.replanner, RunParts.control_loop, Restarted()
 
     def kept(*arguments: Any) -> Replanner:
-        made.append(make(*arguments))
-        return made[-1]
+        one.replanner = make(*arguments)
+        return one.replanner
 
     def seen(*arguments: Any) -> ControlLoop:
         one.loop = make_loop(*arguments)
@@ -231,19 +239,19 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Restarted]:
         one.until_state(State.STREAMING)
         one.until_answered(one.session.send(Stop()).id)
         one.until_state(State.HOLD)
-        assert asked(one, Contact("left"), FOREVER).state == "accepted"
         assert asked(one, TorqueCap("l_el", 0.4), FOREVER).state == "accepted"
         one.until_state(State.HOLD)
-        (replanner,) = made
-        # As in a new process: the records are empty.
-        planner = replanner.planner.retargeter
-        replanner.restrictions = RestrictionTargets(
-            planner, replanner._publish, replanner.on_note, replanner._stand_still
-        )
-        replanner.parts = PartTargets(planner, replanner._publish, replanner.on_note)
-        replanner.succeed()
-        go_on(one, 0.5)
         yield one
+
+
+@pytest.fixture
+def restarted(capped: Restarted) -> Restarted:
+    """A robot that stands, its left foot kept down and its left elbow capped, with a planner that was started again."""
+    assert asked(capped, Contact("left"), FOREVER).state == "accepted"
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 0.5)
+    return capped
 
 
 def test_a_new_planner_tells_that_caps_are_over_when_the_loop_has_lifted_them(restarted: Restarted) -> None:
@@ -273,3 +281,43 @@ def test_parking_ends_what_a_new_planner_has_inherited(restarted: Restarted) -> 
     restarted.until_state(State.PARK)
     go_on(restarted, 0.3)
     assert restarted.notes[-1] == "over: left foot, torque l_el" and restarted.cap == np.inf
+
+
+def test_a_relax_that_a_new_planner_refuses_lifts_no_cap(capped: Restarted) -> None:
+    """It was refused while the robot came to a stand, and the elbow got stronger once it stood."""
+    assert asked(capped, WALK, FOREVER).state in ("accepted", "slowed")
+    go_on(capped, 1.0)
+    capped.restart()
+    refused = asked(capped, Relax())
+    assert refused.state == "refused" and "does not stand yet" in str(refused.reason)
+    capped.until_state(State.HOLD)
+    go_on(capped, 1.0)
+    assert capped.notes[-1] == "until the next target: torque l_el: the planner was started again"
+    assert capped.cap == pytest.approx(0.4) and capped.session.state.ladder is State.HOLD
+
+
+def test_a_hand_whose_time_is_over_ends_no_cap_that_a_new_planner_has_inherited(capped: Restarted) -> None:
+    """The planner made a plan for the way back of a hand that it knew nothing of: nobody asked, and the cap ended."""
+    there = Hand("right", (0.12, -0.12, 0.05), in_s=1.0)
+    assert asked(capped, there, 3.0).state == "accepted"
+    go_on(capped, 1.2)
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 4.0)
+    assert capped.notes[-1] == "until the next target: torque l_el: the planner was started again"
+    assert capped.cap == pytest.approx(0.4) and capped.session.state.ladder is State.HOLD
+    assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
+    go_on(capped, 0.3)
+    assert capped.notes[-1] == "over: torque l_el" and capped.cap == np.inf
+
+
+def test_a_new_planner_tells_when_caps_of_legs_are_over(capped: Restarted) -> None:
+    """They ended over the restart of the planner without a note: the plan carried those of arms and head alone."""
+    assert asked(capped, TorqueCap("l_knee", 1.0), FOREVER).state == "accepted"
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 0.5)
+    assert capped.notes[-1] == "until the next target: torque l_el, torque l_knee: the planner was started again"
+    assert asked(capped, Relax("torque l_knee")).state == "accepted"
+    go_on(capped, 0.4)
+    assert capped.notes[-1] == "over: torque l_el, torque l_knee"
