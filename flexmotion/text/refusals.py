@@ -147,7 +147,7 @@ def is_no_walk(text: str) -> bool:
 
 
 def is_unlike(text: str, kind: str) -> bool:
-    """Whether a request is none of a kind of motion that a listener may hear in it: "lean forward" is no bow."""
+    """Whether the words rule out a kind of motion that a listener may hear in them: "lean forward" is no bow."""
     words = [stem(word) for word in text.lower().split() if word.isalpha()]
     return words[:1] != [] and words[0] in vocabulary().table["unlike"].get(kind, ()) and kind not in words
 

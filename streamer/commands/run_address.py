@@ -43,7 +43,7 @@ RobotNameOption = Annotated[
 
 @dataclass(frozen=True)
 class Address:
-    """The run that a command speaks to over the network, and as whom."""
+    """Where the run is that a command speaks to, and the name that the command gives itself."""
 
     host: HostOption = "127.0.0.1"
     port: PortOption = 8790

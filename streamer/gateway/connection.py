@@ -100,7 +100,7 @@ class Messages:
 
     @property
     def headers(self) -> dict[str, str]:
-        """Of HTTP: the token, and who sends."""
+        """Headers of HTTP: the token, and the name of this program."""
         token = {} if self.token is None else {"Authorization": f"Bearer {self.token}"}
         return {SOURCE_HEADER: quote(self.source), **token}
 

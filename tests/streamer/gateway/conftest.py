@@ -183,7 +183,7 @@ def begin(run: Run, op3: Robot) -> Iterator[Begin]:
             stop_port=1,
         )
         ends.append(service.follow())
-        wait_until(lambda: _listens(service.port), "the gateway to listen")
+        wait_until(lambda: listens(service.port), "the gateway to listen")
         return service
 
     yield start
@@ -191,6 +191,6 @@ def begin(run: Run, op3: Robot) -> Iterator[Begin]:
         end(True)
 
 
-def _listens(port: int) -> bool:
+def listens(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0

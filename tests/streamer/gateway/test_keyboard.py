@@ -6,7 +6,6 @@ import asyncio
 import io
 import os
 import pty
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
 from ...waiting import wait_until
-from .conftest import Answering, Run
+from .conftest import Answering, Run, listens
 
 FASTEST = (0.3, 0.15, 0.5)
 
@@ -128,7 +127,7 @@ def steered(run: Run, op3: Robot, answering: Callable[..., Answering]) -> Iterat
     ends.append(stops.follow())
     begin_gateway()
     for port in ports:
-        wait_until(lambda port=port: _listens(port), "both services to listen")
+        wait_until(lambda port=port: listens(port), "both services to listen")
     loop = answering(*channels, stops.requests)
     keyboard = Terminal(*ports)
     wait_until(lambda: "connected" in keyboard.shown.getvalue(), "the connection")
@@ -136,11 +135,6 @@ def steered(run: Run, op3: Robot, answering: Callable[..., Answering]) -> Iterat
     keyboard.close()
     for end in ends:
         end(True)
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def test_a_key_walks_and_let_go_stands(steered: Steered) -> None:

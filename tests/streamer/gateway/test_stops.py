@@ -21,7 +21,7 @@ from flexmotion.streamer.gateway.stops import StopService
 from flexmotion.streamer.run.requests import Request
 
 from ...waiting import HANGING_S, wait_until
-from .conftest import Answering, Run
+from .conftest import Answering, Run, listens
 
 TOKEN = "correct horse battery"
 PAGE_PORT = 8790
@@ -44,11 +44,6 @@ def begin(run: Run) -> Iterator[Begin]:
     yield start
     for end in ends:
         end(True)
-
-
-def listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def press(port: int, path: str, method: str = "POST", **headers: str) -> tuple[int, Any, dict[str, str]]:

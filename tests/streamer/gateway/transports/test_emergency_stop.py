@@ -36,7 +36,7 @@ from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.session import Session
 
 from ....waiting import HANGING_S, wait_until
-from ..test_stops import listens
+from ..conftest import listens
 from .conftest import open_session
 
 StartRouter = Callable[[str], object]
