@@ -82,12 +82,21 @@ class RobotDynamics:
         qacc[:, :6], qacc[:, robot.dof_address] = base_acceleration, qdd
         force = np.empty((rows, model.nv))
         all_axes, all_anchors = np.empty((rows, model.njnt, 3)), np.empty((rows, model.njnt, 3))
-        position, velocity, acceleration, needed = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
-        xaxis, xanchor, solve = data.xaxis, data.xanchor, mujoco.mj_inverse
+        position, velocity, acceleration, passive = data.qpos, data.qvel, data.qacc, data.qfrc_passive
+        xaxis, xanchor = data.xaxis, data.xanchor
+        kinematics, centres_of_mass, velocities = mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel
+        passives, newton_euler = mujoco.mj_passive, mujoco.mj_rne
         for k in range(rows):
             position[:], velocity[:], acceleration[:] = qpos[k], qvel[k], qacc[k]
-            solve(model, data)
-            force[k], all_axes[k], all_anchors[k] = needed, xaxis, xanchor
+            # What `mj_inverse` does, without the mass matrix, sensors and constraints: half of its time.
+            kinematics(model, data)
+            centres_of_mass(model, data)
+            velocities(model, data)
+            passives(model, data)
+            newton_euler(model, data, 1, force[k])
+            force[k] -= passive
+            all_axes[k], all_anchors[k] = xaxis, xanchor
+        force += model.dof_armature * qacc
         axes, anchors = all_axes[:, self.leg_joints], all_anchors[:, self.leg_joints]
         torque = force[:, robot.dof_address].copy()
         # Root rows: force in the world, moment in the torso frame about its origin.

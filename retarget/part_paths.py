@@ -137,10 +137,10 @@ class PartPaths:
             stands: no human is followed: channels go back to the stand pose.
         """
         ticks = tick + np.arange(len(targets), dtype=float)
-        fades, led = self._fades(state), np.flatnonzero(self.led(state, tick))
+        led = np.flatnonzero(self.led(state, tick))
         if not len(led):
             return targets
-        targets = targets.copy()
+        fades, targets = self._fades(state), targets.copy()
         for channel in map(int, led):
             back = minimum_jerk((ticks - state.part_until[channel]) / fades[channel])
             base = self._rest[channel] if stands else targets[:, channel]
@@ -149,6 +149,8 @@ class PartPaths:
 
     def led(self, state: RetargetState, tick: float) -> NDArray[np.bool_]:
         """Which channels follow a path from a tick on, under way or held, (C,)."""
+        if np.isneginf(state.part_until).all():  # most plans lead nothing
+            return np.zeros(state.part_until.shape, np.bool_)
         return np.asarray(state.part_until + self._fades(state) + _SETTLE_S * self._rate > tick, dtype=np.bool_)
 
     def moves(self, state: RetargetState, tick: float) -> bool:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-Float = NDArray[np.float64]
+Float, Bool = NDArray[np.float64], NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -57,31 +58,56 @@ class Follower:
         divisor = 1.0 + 2.0 * omega * self.dt + gain * self.dt
         return 1.0 / divisor, gain / divisor
 
-    def follow(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float, Float, Float]:
+    def follow(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float, Bool, Bool]:
         """Run over the rows of `targets` (T, C) from a position and velocity (C,).
 
         Returns:
             Positions and velocities after each row, (T, C) each, and whether the speed and the acceleration bound were
             active, (T, C) bool each.
         """
-        rows = targets.shape
-        positions, velocities, wishes, bounds = (np.empty(rows) for _ in range(4))
-        keep, pull = self._gains(self.omega)
-        reach, slowest = self.acceleration * self.dt, -self.speed
-        x, v, part = position, velocity, np.empty(rows[1])
-        # In place: thousands of calls on a dozen numbers, where each new array costs as much as the sum.
-        for target, wish, bound, place, speed in zip(targets, wishes, bounds, positions, velocities, strict=True):
-            np.subtract(target, x, out=part)
-            part *= pull
-            np.multiply(keep, v, out=wish)
-            wish += part
-            np.subtract(v, reach, out=part)
-            np.maximum(wish, part, out=bound)
-            np.add(v, reach, out=part)
-            np.minimum(bound, part, out=bound)
-            np.maximum(bound, slowest, out=speed)
-            np.minimum(speed, self.speed, out=speed)
-            np.multiply(speed, self.dt, out=place)
-            place += x
-            x, v = place, speed
-        return positions, velocities, velocities != bounds, bounds != wishes
+        positions, velocities = self._unbounded(targets, position, velocity)
+        before = np.concatenate([velocity[None], velocities[:-1]])
+        slow = np.abs(velocities) > self.speed
+        soft = np.abs(velocities - before) > self.acceleration * self.dt
+        # Most channels of most plans meet no bound; the others run row by row.
+        for channel in map(int, np.flatnonzero((slow | soft).any(axis=0))):
+            line = self._bounded(targets[:, channel], channel, float(position[channel]), float(velocity[channel]))
+            for array, values in zip((positions, velocities, slow, soft), line, strict=True):
+                array[:, channel] = values
+        return positions, velocities, slow, soft
+
+    def _unbounded(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float]:
+        """Positions and velocities of `follow` where no bound is met, (T, C) each: a linear filter."""
+        positions = np.empty(targets.shape)
+        for omega in np.unique(self.omega):
+            own = self.omega == omega
+            keep, pull = self._gains(omega)
+            pull = float(pull * self.dt)
+            # x'' = ... as a recursion of positions alone: x_k = (1 + keep - pull) x_k-1 - keep x_k-2 + pull r_k.
+            start, last = position[own], keep * (position[own] - self.dt * velocity[own])
+            state = np.stack([(1.0 + keep - pull) * start - last, -keep * start])
+            positions[:, own], _ = lfilter([pull], [1.0, pull - keep - 1.0, keep], targets[:, own], axis=0, zi=state)
+        return positions, np.diff(positions, axis=0, prepend=position[None]) / self.dt
+
+    def _bounded(
+        self, targets: Float, channel: int, x: float, v: float
+    ) -> tuple[list[float], list[float], list[bool], list[bool]]:
+        """What `follow` returns for one channel, (T,) each.
+
+        Args:
+            targets: (T,); x, v: position and velocity before the first row.
+        """
+        keep, pull = map(float, self._gains(self.omega[channel]))
+        reach, fastest, dt = float(self.acceleration[channel]) * self.dt, float(self.speed[channel]), self.dt
+        positions, velocities, slow, soft = list[float](), list[float](), list[bool](), list[bool]()
+        # Plain numbers: numpy takes ten times as long for one at a time.
+        for target in targets.tolist():
+            wish = keep * v + pull * (target - x)
+            bound = min(max(wish, v - reach), v + reach)
+            v = min(max(bound, -fastest), fastest)
+            x += v * dt
+            positions.append(x)
+            velocities.append(v)
+            slow.append(v != bound)
+            soft.append(bound != wish)
+        return positions, velocities, slow, soft
