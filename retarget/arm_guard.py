@@ -41,7 +41,7 @@ _ONE_SIDE = 0.5
 _DAMPING = 1e-4
 """Added to a squared lever arm [m²]: bounds the angle of joints that hardly move the point."""
 
-Followed = tuple[Float, Float, Float, Float]
+Followed = tuple[Float, Float, NDArray[np.bool_], NDArray[np.bool_]]
 Follow = Callable[[Float], Followed]
 
 

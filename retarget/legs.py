@@ -140,20 +140,28 @@ class Leg:
         ankle = sole_position - sole_rotation @ self.sole
         hip = torso_position + torso_rotation @ self.hip
         r = np.einsum("tji,tj->ti", sole_rotation, hip - ankle)
-        distance = np.linalg.norm(r, axis=1)
-        reach = np.clip(distance, abs(self.thigh - self.shank) + _LEAST_REACH, self.length)
-        knee = np.arccos(np.clip((reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank), -1.0, 1.0))
+        distance = np.sqrt(np.einsum("ti,ti->t", r, r))
+        reach = np.minimum(np.maximum(distance, abs(self.thigh - self.shank) + _LEAST_REACH), self.length)
+        cosine = (reach * reach - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank)
+        knee = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
         ankle_roll = np.arctan2(r[:, 1], r[:, 2])
         lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))
         ankle_pitch = lean - np.arctan2(self.thigh * np.sin(knee), self.shank + self.thigh * np.cos(knee))
-        # The hip's rotation is turned @ Rx(-ankle_roll) @ Ry(-ankle_pitch - knee); only these parts of it are needed.
-        turned = np.swapaxes(torso_rotation, 1, 2) @ sole_rotation
-        cos, sin = np.cos(ankle_roll), np.sin(ankle_roll)
-        middle = cos[:, None] * turned[:, :, 1] - sin[:, None] * turned[:, :, 2]
-        last, bend = sin * turned[:, 2, 1] + cos * turned[:, 2, 2], ankle_pitch + knee
+        # The hip's rotation is torso.T @ sole @ Rx(-ankle_roll) @ Ry(-ankle_pitch - knee); only parts of it are needed.
+        cos, sin = np.cos(ankle_roll)[:, None], np.sin(ankle_roll)[:, None]
+        left, top = sole_rotation[:, :, 1], sole_rotation[:, :, 2]
+        middle = np.einsum("tji,tj->it", torso_rotation, cos * left - sin * top)
+        up = torso_rotation[:, :, 2]
+        first, last = (
+            np.einsum("ti,ti->t", up, sole_rotation[:, :, 0]),
+            np.einsum("ti,ti->t", up, sin * left + cos * top),
+        )
+        bend = ankle_pitch + knee
         cos, sin = np.cos(bend), np.sin(bend)
-        yaw = np.arctan2(-middle[:, 0], middle[:, 1])
-        roll = np.arcsin(np.clip(middle[:, 2], -1.0, 1.0))
-        pitch = np.arctan2(-cos * turned[:, 2, 0] - sin * last, cos * last - sin * turned[:, 2, 0])
-        angles = np.stack([yaw, roll, pitch, knee, ankle_pitch, ankle_roll], axis=1)
-        return angles * self.signs, np.abs(distance - reach)
+        angles = np.empty((len(r), len(CHAIN)))
+        angles[:, 0] = np.arctan2(-middle[0], middle[1])
+        angles[:, 1] = np.arcsin(np.minimum(np.maximum(middle[2], -1.0), 1.0))
+        angles[:, 2] = np.arctan2(-cos * first - sin * last, cos * last - sin * first)
+        angles[:, 3], angles[:, 4], angles[:, 5] = knee, ankle_pitch, ankle_roll
+        angles *= self.signs
+        return angles, np.abs(distance - reach)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Float, Bool = NDArray[np.float64], NDArray[np.bool_]
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -69,21 +70,25 @@ class Follower:
         before = np.concatenate([velocity[None], velocities[:-1]])
         slow = np.abs(velocities) > self.speed
         soft = np.abs(velocities - before) > self.acceleration * self.dt
-        # Most channels of most plans meet no bound; the others run row by row.
+        # Most channels of most plans meet no bound; the others run row by row from the first one on.
         for channel in map(int, np.flatnonzero((slow | soft).any(axis=0))):
-            line = self._bounded(targets[:, channel], channel, float(position[channel]), float(velocity[channel]))
+            row = int((slow | soft)[:, channel].argmax())
+            x = positions[row - 1, channel] if row else position[channel]
+            line = self._bounded(targets[row:, channel], channel, float(x), float(before[row, channel]))
             for array, values in zip((positions, velocities, slow, soft), line, strict=True):
-                array[:, channel] = values
+                array[row:, channel] = values
         return positions, velocities, slow, soft
 
     def _unbounded(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float]:
-        """Positions and velocities of `follow` where no bound is met, (T, C) each: a linear filter."""
+        """Positions and velocities of `follow` where no bound is met, (T, C) each.
+
+        Of positions alone it is the linear filter x_k = (1 + keep - pull) x_k-1 - keep x_k-2 + pull r_k.
+        """
         positions = np.empty(targets.shape)
         for omega in np.unique(self.omega):
             own = self.omega == omega
             keep, pull = self._gains(omega)
             pull = float(pull * self.dt)
-            # x'' = ... as a recursion of positions alone: x_k = (1 + keep - pull) x_k-1 - keep x_k-2 + pull r_k.
             start, last = position[own], keep * (position[own] - self.dt * velocity[own])
             state = np.stack([(1.0 + keep - pull) * start - last, -keep * start])
             positions[:, own], _ = lfilter([pull], [1.0, pull - keep - 1.0, keep], targets[:, own], axis=0, zi=state)
@@ -103,8 +108,9 @@ class Follower:
         # Plain numbers: numpy takes ten times as long for one at a time.
         for target in targets.tolist():
             wish = keep * v + pull * (target - x)
-            bound = min(max(wish, v - reach), v + reach)
-            v = min(max(bound, -fastest), fastest)
+            low, high = v - reach, v + reach
+            bound = low if wish < low else high if wish > high else wish
+            v = -fastest if bound < -fastest else fastest if bound > fastest else bound
             x += v * dt
             positions.append(x)
             velocities.append(v)

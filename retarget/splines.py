@@ -41,7 +41,9 @@ class Spline:
             above[0] -= h[0] * first
             diagonal[-1] += h[-1] * (1.0 + last)
             below[-1] -= h[-1] * last
-        bends[1:-1] = dgtsv(below, diagonal, above, 6.0 * np.diff(self._slopes, axis=0))[3]
+        right = 6.0 * np.diff(self._slopes, axis=0)
+        # LAPACK takes no system of one equation.
+        bends[1:-1] = right / diagonal[0] if len(right) == 1 else dgtsv(below, diagonal, above, right)[3]
         if not natural:
             bends[0] = bends[1] - first * (bends[2] - bends[1])
             bends[-1] = bends[-2] + last * (bends[-2] - bends[-3])

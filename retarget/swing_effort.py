@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.human.vectors import cross
 from flexmotion.retarget.legs import Leg
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.rotations import yaw_matrices
@@ -181,10 +182,10 @@ class SwingEffort:
         force *= self.chain.mass[:, None]
         anchors, axes, centres = anchors[:, 1:-1], axes[:, 1:-1], centres[:, 1:-1]
         # Moments about the world's origin add up along the chain, as do forces.
-        moment = np.cumsum(np.cross(centres, force)[:, :, ::-1], axis=2)[:, :, ::-1]
+        moment = np.cumsum(cross(centres, force)[:, :, ::-1], axis=2)[:, :, ::-1]
         total = np.cumsum(force[:, :, ::-1], axis=2)[:, :, ::-1]
         limits = self.limits
-        torque = np.sum(axes * (moment - np.cross(anchors, total)), axis=-1)
+        torque = np.sum(axes * (moment - cross(anchors, total)), axis=-1)
         torque += limits.armature * acceleration + limits.friction * np.tanh(speed / 0.1)
         driven = torque + limits.back_emf * speed
         # A servo that brakes gives its stall torque, one that drives its usable torque (`configs/envelope.py`).
@@ -226,6 +227,6 @@ class SwingEffort:
 def _about(axis: Float, angle: Float) -> Float:
     """Rotations about a unit axis, (R,) [rad] -> (R, 3, 3) (Rodrigues)."""
     x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     sin, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sin * cross + versine * (cross @ cross)
+    return np.eye(3) + sin * turn + versine * (turn @ turn)

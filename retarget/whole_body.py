@@ -102,26 +102,36 @@ class WholeBody:
         q[:, self.upper.joints] = channels[:, len(POSTURE) :]
         torso = np.empty((len(feet), 3))
         torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
-        soles = [yaw_matrices(feet[:, side, 3]) for side in (0, 1)]
+        soles = yaw_matrices(feet[:, :, 3].ravel()).reshape(-1, 2, 3, 3)
         base = np.column_stack([torso, quaternion])
-
-        def place(rows: NDArray[np.int64], offset: Float) -> Float:
-            """Shift the torso and solve the legs at some rows; returns the missing length of the legs there [m]."""
-            base[rows, :2] = com[rows] - offset
-            short = np.zeros(len(base[rows]))
-            for side, leg in enumerate(self.legs):
-                found, missing = leg.solve(base[rows, :3], rotation[rows], feet[rows, side, :3], soles[side][rows])
-                q[np.ix_(rows, leg.indices)] = found
-                short = np.maximum(short, missing)
-            return short
-
         rows = np.unique(np.append(np.arange(0, len(feet), _STRIDE), len(feet) - 1))
         offset = np.broadcast_to(offset, (len(feet), 2))[rows]
+        some_base, some_q, some = base[rows], q[rows], (rotation[rows], feet[rows], soles[rows], com[rows])
         for _ in range(passes):
-            place(rows, offset)
-            found = self.dynamics.centre_of_mass(base[rows], q[rows])[:, :2] - base[rows, :2]
+            self._place(some_base, some_q, *some, offset)
+            found = self.dynamics.centre_of_mass(some_base, some_q)[:, :2] - some_base[:, :2]
             offset = offset + (found - offset) / (1.0 - self._slope)
         every = np.arange(len(feet))
         if len(rows) < len(every):
             offset, _, _ = Spline(rows.astype(float), offset, natural=False).at(every.astype(float))
-        return base, q, offset, place(every, offset)
+        return base, q, offset, self._place(base, q, rotation, feet, soles, com, offset)
+
+    def _place(
+        self, base: Float, q: Float, rotation: Float, feet: Float, soles: Float, com: Float, offset: Float
+    ) -> Float:
+        """Shift the torso and solve the legs; `base` and `q` are written.
+
+        Args:
+            base, q: as `solve` returns them; rotation: of the torso, (T, 3, 3).
+            feet, com, offset: as of `solve`; soles: rotations of both, (T, 2, 3, 3).
+
+        Returns:
+            Missing length of the legs, (T,) [m].
+        """
+        base[:, :2] = com - offset
+        short = np.zeros(len(base))
+        for side, leg in enumerate(self.legs):
+            found, missing = leg.solve(base[:, :3], rotation, feet[:, side, :3], soles[:, side])
+            q[:, leg.indices] = found
+            short = np.maximum(short, missing)
+        return short
