@@ -95,7 +95,7 @@ def ball_angles(matrices: Float, start: Float) -> Float:
     other = np.stack([first + np.pi, np.pi - second, third + np.pi], axis=-1)
     candidates = np.stack([near, other], axis=1)  # (T, 2, 6, 3)
     turn = 2 * np.pi
-    # Which solution is nearer depends on the one before alone, not on its whole turns: both cases for all frames at once.
+    # Which solution is nearer depends on which one was taken before, not on its whole turns: both cases, all frames.
     before = np.concatenate([np.broadcast_to(start * BALL_SIGNS, (1, 2, *start.shape)), candidates[:-1]])
     away = candidates[:, None] - before[:, :, None]  # (T, 2 before, 2 now, 6, 3)
     away -= turn * np.round(away / turn)
