@@ -68,7 +68,7 @@ NEARNESS = Nearness()
 
 @lru_cache(maxsize=32)
 def sole_grid(body: Body) -> Float:
-    """Sole points in the frame of the calcaneus, the same for both feet, (12, 3) [m]; made once for a body, read-only."""
+    """Sole points in the frame of the calcaneus, the same for both feet, (12, 3) [m]; one array a body, read-only."""
     size = body.segments
     along = np.linspace(-size.heel, size.foot - size.heel, ROWS)
     across = np.linspace(-0.5, 0.5, COLUMNS) * BREADTH * body.height
