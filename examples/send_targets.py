@@ -24,6 +24,7 @@ def main(port: int) -> None:
             answer = robot.ask(target)
             print(f"{target['type']:9}{answer.state:11}{answer.heard_as or '-'}  {answer.reason or ''}")
         print(robot.status()["state"])
+        robot.release()  # else no other program may steer for the next ten seconds
 
 
 if __name__ == "__main__":

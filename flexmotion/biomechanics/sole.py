@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,13 +66,16 @@ class Nearness:
 NEARNESS = Nearness()
 
 
+@lru_cache(maxsize=32)
 def sole_grid(body: Body) -> Float:
-    """Sole points in the frame of the calcaneus, the same for both feet, (12, 3) [m]."""
+    """Sole points in the frame of the calcaneus, the same for both feet, (12, 3) [m]; one array a body, read-only."""
     size = body.segments
     along = np.linspace(-size.heel, size.foot - size.heel, ROWS)
     across = np.linspace(-0.5, 0.5, COLUMNS) * BREADTH * body.height
     x, y = np.meshgrid(along, across, indexing="ij")
-    return np.stack([x.ravel(), y.ravel(), np.full(POINTS, -size.ankle_height)], axis=-1)
+    grid = np.stack([x.ravel(), y.ravel(), np.full(POINTS, -size.ankle_height)], axis=-1)
+    grid.flags.writeable = False
+    return grid
 
 
 def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearness = NEARNESS) -> SolePoints:

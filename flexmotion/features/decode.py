@@ -21,6 +21,7 @@ from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layou
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
@@ -76,10 +77,10 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     position, yaw = root_path(values, layout, body, anchor)
     below = position * [1.0, 1.0, 0.0]
 
-    turn = yaw_matrix(yaw) @ matrix(rotations[:, :PELVIS_SIZE])
-    balls = rotations[:, PELVIS_SIZE : PELVIS_SIZE + 6 * len(BALLS)].reshape(frames, len(BALLS), 6)
+    parts = matrix(rotations[:, : PELVIS_SIZE + 6 * len(BALLS)].reshape(frames, 1 + len(BALLS), 6))
+    turn = yaw_matrix(yaw) @ parts[:, 0]
     joints = np.empty((frames, len(JOINTS)))
-    joints[:, BALL_COLUMNS] = ball_angles(matrix(balls), anchor.joints[BALL_COLUMNS])
+    joints[:, BALL_COLUMNS] = ball_angles(parts[:, 1:], anchor.joints[BALL_COLUMNS])
     joints[:, HINGE_COLUMNS] = rotations[:, PELVIS_SIZE + 6 * len(BALLS) :]
 
     weight = body.mass * GRAVITY
@@ -94,7 +95,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
         joints=joints,
         body=body,
         torques=torques,
-        wrenches=np.concatenate([force, moment - np.cross(levers, force)], axis=-1),
+        wrenches=np.concatenate([force, moment - cross(levers, force)], axis=-1),
         pressure_centres=turned(_ankles(values, layout), yaw) * leg + below[:, None] + levers,
         contacts=values[:, blocks["contacts"]] > 0.5,
         activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,

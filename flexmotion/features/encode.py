@@ -12,6 +12,7 @@ from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layou
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_matrix_heading
 
@@ -97,7 +98,7 @@ def _ankle_wrenches(
     force, moment = wrenches[..., :3], wrenches[..., 3:]
     if centres is None:
         centres = human.ankle * [1.0, 1.0, 0.0]
-    moment = moment + np.cross(centres - human.ankle, force)
+    moment = moment + cross(centres - human.ankle, force)
     both = np.stack([turned(force, -yaw) / weight, turned(moment, -yaw) / (weight * leg)], axis=2)
     return both.reshape(len(both), -1)
 

@@ -35,7 +35,8 @@ def inertialised(frames: Float32, history: Float32, layout: Layout) -> Float32:
         return frames
     blocks = layout.blocks
     root = blocks["root"].start
-    pose = [root + 3, *_columns(blocks["rotations"]), *_columns(blocks["positions"])]
+    # Height, rotations and positions follow each other: a slice, since lists of columns copy.
+    pose = slice(root + 3, blocks["positions"].stop)
     rate = 2.0 * np.log(2.0) / (HALF_LIFE_S * layout.fps)
     time = np.arange(1, len(frames) + 1)[:, None]
     moved = frames.copy()
@@ -50,7 +51,3 @@ def inertialised(frames: Float32, history: Float32, layout: Layout) -> Float32:
     fading = (1.0 + rate * (time - 1)) * np.exp(-rate * (time - 1))
     moved[:, travel] += fading * (history[-1, travel] - frames[0, travel])
     return moved
-
-
-def _columns(block: slice) -> range:
-    return range(block.start, block.stop)

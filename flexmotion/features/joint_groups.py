@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexmotion.human.human_model import AXES, MIRRORED
 from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.human.vectors import cross
 
 Float = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def matrix(columns: Float) -> Float:
     x = first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-8)
     y = second - np.sum(x * second, axis=-1, keepdims=True) * x
     y = y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-8)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
+    return np.stack([x, y, cross(x, y)], axis=-1)
 
 
 def ball_matrices(joints: Float) -> Float:
@@ -92,13 +93,18 @@ def ball_angles(matrices: Float, start: Float) -> Float:
     third = np.arctan2(-row[..., 1], row[..., 0])
     near = np.stack([first, second, third], axis=-1)
     other = np.stack([first + np.pi, np.pi - second, third + np.pi], axis=-1)
-    candidates = np.stack([near, other], axis=1)
-    angles = np.empty_like(near)
-    last = start * BALL_SIGNS
+    candidates = np.stack([near, other], axis=1)  # (T, 2, 6, 3)
     turn = 2 * np.pi
+    # Which solution is nearer depends on which one was taken before, not on its whole turns: both cases, all frames.
+    before = np.concatenate([np.broadcast_to(start * BALL_SIGNS, (1, 2, *start.shape)), candidates[:-1]])
+    away = candidates[:, None] - before[:, :, None]  # (T, 2 before, 2 now, 6, 3)
+    away -= turn * np.round(away / turn)
+    nearer = np.sum(away**2, axis=-1).argmin(axis=2)  # (T, 2 before, 6)
+    chosen = np.empty((len(near), len(BALLS)), np.intp)
     balls = np.arange(len(BALLS))
-    for frame, pair in enumerate(candidates):
-        pair = pair + turn * np.round((last - pair) / turn)
-        nearer = np.sum((pair - last) ** 2, axis=-1).argmin(axis=0)
-        last = angles[frame] = pair[nearer, balls]
-    return angles * BALL_SIGNS
+    last = np.zeros(len(BALLS), np.intp)
+    for frame, following in enumerate(nearer):
+        last = chosen[frame] = following[last, balls]
+    angles = np.where(chosen[..., None] == 0, near, other)
+    turns = np.round(np.diff(angles, axis=0, prepend=(start * BALL_SIGNS)[None]) / turn)
+    return (angles - turn * np.cumsum(turns, axis=0)) * BALL_SIGNS

@@ -88,6 +88,13 @@ def forward(motion: Motion) -> HumanKinematics:
     return _collect(human, bodies, centres, matrices.reshape(*bodies.shape, 3), sites)
 
 
+def foot_points(motion: Motion) -> Float:
+    """Heel and toe of both feet in every frame, (T, 2, 2, 3) [m]: left and right, heel and toe; less than `forward`."""
+    site = human_model(motion.body).site_index
+    (sites,) = frame_arrays(motion, "site_xpos")
+    return sites[:, [[site[f"{name}_{side}"] for name in ("heel", "toe")] for side in SIDES]]
+
+
 def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
     """Arrays of MuJoCo's state, by name, after forward kinematics of every frame, (T, ...) each.
 
@@ -112,7 +119,9 @@ def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float,
     mass, body, site = human.model.body_mass, human.body_index, human.site_index
 
     def sided(array: Float, index: dict[str, int], name: str) -> Float:
-        return array[:, [index[f"{name}_{side}"] for side in SIDES]]
+        # A slice of two: a view, where a list of two numbers would copy.
+        left, right = (index[f"{name}_{side}"] for side in SIDES)
+        return array[:, left : right + 1 : right - left]
 
     return HumanKinematics(
         com=np.einsum("b,tbi->ti", mass / mass.sum(), centres),

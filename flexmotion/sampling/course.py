@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
-from flexmotion.spatial.heading import continuous_heading
+from flexmotion.spatial.heading import continuous_heading, wrapped
 
 Float = NDArray[np.float64]
 Velocity = tuple[float, float, float]
@@ -105,14 +105,14 @@ class Course:
         course = self._on(request, direction, measured)
         assert course.heading is not None
         across = course._across(measured) if direction is not None else 0.0
-        error = _wrapped(course.heading - measured.heading)
-        steered = _wrapped(error - float(np.clip(across / AHEAD, -STEERED, STEERED)))
+        error = wrapped(course.heading - measured.heading)
+        steered = wrapped(error - float(np.clip(across / AHEAD, -STEERED, STEERED)))
         away = course._away(measured) if direction is None else np.zeros(2)
         if not known and abs(error) < BAND and float(np.hypot(*away)) < NEAR:
             return course, request
         most = MOST_TURNING * seconds / INTEGRAL  # the sum alone never asks for more
         course = replace(course, summed=float(np.clip(course.summed + steered, -most, most)))
-        turned = 0.0 if self.last is None else _wrapped(measured.heading - self.last)
+        turned = 0.0 if self.last is None else wrapped(measured.heading - self.last)
         course = replace(course, last=measured.heading)
         turning = (PROPORTIONAL * steered + INTEGRAL * course.summed - DAMPING * turned) / seconds
         back = RETURNED * away / seconds
@@ -134,7 +134,7 @@ class Course:
     def _on(self, request: Condition, direction: float | None, measured: _Measured) -> Course:
         """The course for a request: the line of another one begins here, the heading stays."""
         course = self
-        if course.heading is None or abs(_wrapped(course.heading - measured.heading)) > LOST:
+        if course.heading is None or abs(wrapped(course.heading - measured.heading)) > LOST:
             course = Course(heading=measured.heading)
         travels = direction is not None
         same = course.request == request and travels == (course.direction is not None)
@@ -192,8 +192,3 @@ class _Measured:
     def speed(self) -> float:
         """[m/s]."""
         return hypot(*self.velocity)
-
-
-def _wrapped(angle: float) -> float:
-    """The same angle within half a turn [rad]."""
-    return atan2(sin(angle), cos(angle))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.signal import lfilter
 
-from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.leg_length import lowered
 from flexmotion.spatial.heading import continuous_matrix_heading
@@ -66,7 +66,7 @@ def planted_slip(motion: Motion, past: Motion) -> tuple[Motion, Slip | None]:
     if motion.contacts is None or not len(motion):
         return motion, None
     human = forward(motion)
-    feet = np.concatenate([_feet(forward(past[len(past) - 1 :])), _feet(human)])
+    feet = np.concatenate([foot_points(past[len(past) - 1 :]), _feet(human)])
     height = feet[1:, ..., 2].min(axis=2)
     slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
 

@@ -6,6 +6,8 @@ a body bends forward by 90° and more; it is undefined only upside down.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,3 +36,8 @@ def continuous_heading(quaternion: Float) -> Float:
 def continuous_matrix_heading(rotation: Float) -> Float:
     """`matrix_heading` without jumps of 2π over time, (T, ..., 3, 3) -> (T, ...) [rad]."""
     return np.unwrap(matrix_heading(rotation), axis=0)
+
+
+def wrapped(angle: float) -> float:
+    """The same angle within half a turn, in [-π, π] [rad]."""
+    return math.remainder(angle, math.tau)

@@ -29,13 +29,13 @@ def refusal_of(words: list[str]) -> str | None:
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
-            return f"{phrase!r}: no model and no robot of this project does that"
+            return f"no model and no robot of this project does {phrase!r}"
     if limits := [word for word in words if word in known.words("restricting")]:
         return f"{limits[0]!r}: a restriction of the robot; say it in a sentence of its own"
     if " take off " in text and not any(f" take off {word} " in text for word in known.words("harmed") | {"your"}):
-        return "'take off': no model and no robot of this project does that"
+        return "no model and no robot of this project does 'take off'"
     if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
-        return f"{words[0]!r}: no model and no robot of this project does that"
+        return f"no model and no robot of this project does {words[0]!r}"
     if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if target := _unknown_target(words, text):

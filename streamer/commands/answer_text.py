@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from flexmotion.spatial.heading import wrapped
 from flexmotion.streamer.motion.intents import from_content, words_of
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _place(odometry: list[float] | None) -> str | None:
     if odometry is None:
         return None
     x, y, heading = odometry
-    turned = math.degrees(heading)
+    turned = math.degrees(wrapped(heading))
     return f"{_to(x, 'ahead', 'back')}, {_to(y, 'left', 'right')}, turned {_to(turned, 'left', 'right', '°', 0)}"
 
 

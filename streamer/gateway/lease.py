@@ -42,7 +42,8 @@ class Lease:
         if self.holder not in (None, source):
             own, other = self.settings.priority(source), self.settings.priority(self.holder)
             if own < other or (own == other and not take):
-                way = "it can be taken over by 'take'" if own == other else "its priority is higher"
+                free = f"it is free {self.settings.lease_s:g} s after the operator's last message"
+                way = f"it can be taken over by 'take'; {free}" if own == other else f"its priority is higher; {free}"
                 return f"{self.holder!r} is the operator; {way}"
             self.takeovers += 1
         self.holder, self._heard_s = source, now_s

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Int, Record, column
+from flexmotion.spatial.heading import wrapped
 from flexmotion.text.vocabulary import Quantity
 
 State = Literal["accepted", "slowed", "moved", "partly", "refused", "superseded", "expired"]
@@ -69,7 +70,8 @@ class HeardStep(BaseModel):
         """What the robot did of the amount, or where it stands, in words."""
         if self.place is not None:
             x, y, heading = self.place
-            return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {np.degrees(heading):.0f}°"
+            degrees = np.degrees(wrapped(heading))
+            return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {degrees:.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
             return "not measured"
         return f"{amount_text(self.measured, self.unit)} of {amount_text(self.amount, self.unit)}"

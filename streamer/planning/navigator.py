@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
+from flexmotion.spatial.heading import wrapped
 from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.programs import Step
 from flexmotion.streamer.planning.robot_size import RobotSize
@@ -158,7 +159,7 @@ class Navigator:
             self._turn(heading, place, time_s)
         else:
             bearing = self._bearing(place)
-            if missing > self.size.near and abs(_wrapped(bearing - place[2])) > _PIVOT_RAD:
+            if missing > self.size.near and abs(wrapped(bearing - place[2])) > _PIVOT_RAD:
                 self._turn(bearing, place, time_s)
             else:
                 self._walk(place, time_s)
@@ -214,7 +215,7 @@ class Navigator:
     def _towards(self, place: Float) -> Velocity:
         """Velocity of the human towards the goal, in the direction in which the robot looks."""
         heading = float(np.mean([one for _, one in self._recent] or place[2]))
-        bearing = _wrapped(self._bearing(place) - heading)
+        bearing = wrapped(self._bearing(place) - heading)
         if abs(bearing) <= _PIVOT_RAD:
             turning = float(np.clip(_STEER_GAIN * bearing, -_STEER_MOST, _STEER_MOST))
             ahead = _WALKING if self.pace is None else self.pace.ahead
@@ -241,7 +242,7 @@ class Navigator:
 
     def _missing_turn(self, heading: float, place: Float) -> float:
         missing = float(heading - place[2])
-        return missing if self.winds else _wrapped(missing)
+        return missing if self.winds else wrapped(missing)
 
     def _away(self, place: Float) -> Float:
         if not isinstance(self.goal, Waypoint):
@@ -275,8 +276,3 @@ def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float, si
     turning = max(abs(step.intent.turning), SLOWEST_TURN)
     goal = Heading(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
     return Navigator(goal, pace, place, time_s, size, winds=True, manner=manner)
-
-
-def _wrapped(angle: float) -> float:
-    """An angle within half a turn [rad]."""
-    return math.remainder(angle, math.tau)

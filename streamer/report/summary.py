@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -24,7 +25,10 @@ def failures(report: Report) -> list[str]:
     motion, loop = report.motion, report.loop
     if motion.fell:
         reasons.append("fell" if motion.time_to_fall_s is None else f"fell after {motion.time_to_fall_s:.2f} s")
-    reasons += [f"fault: {fault}" for fault in report.safety.faults]
+    reasons += [
+        f"fault: {fault}" + (f" ({times} times)" if times > 1 else "")
+        for fault, times in Counter(report.safety.faults).items()
+    ]
     if report.limits.violations_sent:
         reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope left the loop")
     if report.safety.final_state in _CUT_SHORT:

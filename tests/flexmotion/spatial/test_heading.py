@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from flexmotion.spatial.heading import continuous_heading, continuous_matrix_heading, heading, matrix_heading
+from flexmotion.spatial.heading import continuous_heading, continuous_matrix_heading, heading, matrix_heading, wrapped
 
 
 @pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 2.0])
@@ -35,3 +37,10 @@ def test_continuous_headings_count_turns() -> None:
     rotations = Rotation.from_euler("z", yaw[:, None])
     np.testing.assert_allclose(continuous_matrix_heading(rotations.as_matrix()), yaw, atol=1e-9)
     np.testing.assert_allclose(continuous_heading(rotations.as_quat(scalar_first=True)), yaw, atol=1e-9)
+
+
+@given(st.floats(-np.pi, np.pi), st.integers(-3, 3))
+def test_an_angle_is_the_same_within_half_a_turn(angle: float, turns: int) -> None:
+    found = wrapped(angle + 2 * np.pi * turns)
+    assert abs(found) <= np.pi
+    assert np.cos(found - angle) == pytest.approx(1.0)

@@ -8,6 +8,7 @@ from flexmotion.streamer.commands.answer_text import answer_line, status_lines, 
 from flexmotion.streamer.gateway.connection import StopAnswer
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.gateway.status import Followed, Status
+from flexmotion.streamer.motion.heard import HeardStep
 
 
 def lines(**known: object) -> dict[str, str]:
@@ -70,6 +71,14 @@ def test_the_status_is_for_a_person_to_read() -> None:
         "messages": "3, accepted 2, refused 1",
         "stop process": "works",
     }
+
+
+def test_a_heading_is_told_within_half_a_turn() -> None:
+    """A robot that had turned left by whole turns "turned 281° right", and ended at "heading -273°"."""
+    told = lines(odometry=(0.0, 0.0, math.radians(-281.0)))
+    assert told["place"].endswith("turned 79° left")
+    step = HeardStep(text="heading 90°", heard_as="heading", place=(0.0, 0.0, math.radians(-273.0)))
+    assert step.done.endswith("heading 87°")
 
 
 def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> None:

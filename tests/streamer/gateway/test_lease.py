@@ -6,12 +6,14 @@ from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.lease import Lease
 
 SETTINGS = Gateway(priorities={"rescue": 10, "script": -5}, lease_s=10.0)
+FREE = "it is free 10 s after the operator's last message"
 
 
 def test_the_first_who_sends_holds_the_lease_and_another_is_refused_by_name() -> None:
     lease = Lease(SETTINGS)
     assert lease.refusal("page", 0.0) is None and lease.holder == "page"
-    assert lease.refusal("phone", 1.0) == "'page' is the operator; it can be taken over by 'take'"
+    way = f"it can be taken over by 'take'; {FREE}"
+    assert lease.refusal("phone", 1.0) == f"'page' is the operator; {way}"
     assert lease.holder == "page"
 
 
@@ -25,16 +27,16 @@ def test_an_equal_takes_over_by_asking_for_it() -> None:
 def test_priority_decides_and_belongs_to_the_settings() -> None:
     lease = Lease(SETTINGS)
     lease.refusal("page", 0.0)
-    assert lease.refusal("script", 1.0, take=True) == "'page' is the operator; its priority is higher"
+    assert lease.refusal("script", 1.0, take=True) == f"'page' is the operator; its priority is higher; {FREE}"
     assert lease.refusal("rescue", 2.0) is None and lease.holder == "rescue"
-    assert lease.refusal("page", 3.0, take=True) == "'rescue' is the operator; its priority is higher"
+    assert lease.refusal("page", 3.0, take=True) == f"'rescue' is the operator; its priority is higher; {FREE}"
 
 
 def test_each_page_has_the_priority_of_pages() -> None:
     """Pages have names of their own, so that two of them are two operators."""
     lease = Lease(Gateway(priorities={"page": -1, "page b": 5}, lease_s=10.0))
     assert lease.refusal("joystick", 0.0) is None
-    assert lease.refusal("page a", 1.0, take=True) == "'joystick' is the operator; its priority is higher"
+    assert lease.refusal("page a", 1.0, take=True) == f"'joystick' is the operator; its priority is higher; {FREE}"
     assert lease.refusal("page b", 1.0) is None
 
 

@@ -37,11 +37,12 @@ def test_verdict_comes_first(record: RunTrace, figures: RobotFigures, human: Hum
 def test_every_reason_for_failing_is_named(record: RunTrace, figures: RobotFigures) -> None:
     record.true_base[500:, 2] = 0.0
     record.rows["violations"], record.rows["missed_deadlines"] = 2, 3
-    record.events.append(Event(1, "fault", "l_knee: lost"))
+    record.events += [Event(1, "fault", "l_knee: lost"), *2 * [Event(2, "fault", "e-stop: frozen by an operator")]]
     report = build_report(record, INFO, figures)
     assert failures(report) == [
         "fell after 4.00 s",
         "fault: l_knee: lost",
+        "fault: e-stop: frozen by an operator (2 times)",
         "2 goals outside a servo's envelope left the loop",
         "3 of 1000 deadlines missed, 0 allowed",
     ]

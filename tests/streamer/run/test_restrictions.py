@@ -14,6 +14,7 @@ from flexmotion.streamer.motion.heard import heard_since
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
@@ -191,6 +192,15 @@ def test_what_is_let_go_right_after_it_was_asked_does_not_hold(live: Live) -> No
     assert asked(live, Relax()).state == "accepted"
     assert live.told[target.id].state == "superseded"
     assert asked(live, WALK, FOREVER).state in ("accepted", "slowed")
+
+
+def test_all_that_is_let_go_too_late_holds(capped: Restarted) -> None:
+    """The answer was "expired", and the cap was lifted all the same."""
+    ledger = capped.replanner.ledger
+    late = Target(1000, 0, Relax(), take_up_s=0.5)
+    ledger.on_part(late, ledger.now_s() - 1.0)
+    go_on(capped, 0.5)
+    assert capped.told[late.id].state == "expired" and capped.cap == pytest.approx(0.4)
 
 
 RESTARTED = "until the next target: left foot, torque l_el: the planner was started again"
