@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.legs import Leg
-from flexmotion.retarget.splines import Spline
 from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
@@ -113,7 +113,7 @@ class WholeBody:
             offset = offset + (found - offset) / (1.0 - self._slope)
         every = np.arange(len(feet))
         if len(rows) < len(every):
-            offset, _, _ = Spline(rows.astype(float), offset, natural=False).at(every.astype(float))
+            offset = make_interp_spline(rows, offset, k=3)(every)
         return base, q, offset, self._place(base, q, rotation, feet, soles, com, offset)
 
     def _place(
