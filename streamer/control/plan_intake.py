@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.telemetry import Telemetry
+
+LATEST = 1
+"""Ticks by which the plan of a target or a stop may be late and is played all the same."""
+_APART = np.radians(2.0)
+"""Most that a late plan has left the one that plays, of any joint [rad]. In 147 plans for targets the joint that differs
+most was .32 degrees away one tick after the join (median; most .99), and the divergent component 1.7 mm at most."""
 
 _STANDING = (State.READY, State.HOLD)
 _PLAYING = (*_STANDING, State.STREAMING)
 
 
 class PlanIntake:
-    """Examines every plan once; none is played late, and where the robot must stop only plans that stop are played.
+    """Examines every plan once; where the robot must stop only plans that stop are played.
+
+    A plan that comes one tick after its start is played from its second row on, where that is hardly elsewhere than the
+    plan that plays; any other late plan is refused. The planner can therefore count on the usual time of a plan instead
+    of the longest.
 
     Args:
         plans: buffer that the planner publishes to.
@@ -65,7 +77,7 @@ class PlanIntake:
             self.examined = offer.ticket.id
             if self._acceptable(offer, tick, state, must_stop):
                 self.waiting = offer
-                if tick == offer.plan.start_tick:
+                if tick >= offer.plan.start_tick:
                     began = self._begin(offer)
         self.plans.hold(self.playing, self.waiting)
         return began
@@ -95,9 +107,18 @@ class PlanIntake:
         """Whether a plan may be played: it resumes the plan that plays, is not late, and halts where it must."""
         if state not in _PLAYING:
             return False
-        if offer.plan.start_tick < tick:
-            # Never played late. The planner makes another, which joins later.
+        if offer.plan.start_tick < tick and not self._still_joins(offer, tick):
+            # The planner makes another, which joins later.
             self.telemetry.row.late_plans += 1
             return False
         playing = 0 if self.playing is None else self.playing.ticket.id
         return offer.ticket.resumed == playing and (offer.ticket.halts or not must_stop)
+
+    def _still_joins(self, offer: Offer, tick: int) -> bool:
+        """Whether a plan that is late goes on where the one that plays is: the same feet, and joints close by."""
+        late, current = tick - offer.plan.start_tick, self.plan
+        if current is None or late > LATEST or late >= len(offer.plan):
+            return False
+        row = min(tick - current.start_tick, len(current) - 1)
+        apart = np.abs(offer.plan.q[late] - current.q[row]).max()
+        return bool(apart <= _APART and (offer.plan.contacts[late] == current.contacts[row]).all())

@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from flexmotion.streamer.control.plan_intake import LATEST
+
 
 class Kind(Enum):
     """Kinds of plans, which take different times to make."""
@@ -60,7 +62,8 @@ _MARGIN = 1.15
 class MeasuredLead:
     """The times that the last plans of each kind took.
 
-    A plan joins as early as a percentile of the times after sampling permits. Sampling is counted by its median first,
+    A plan joins as early as a percentile of the times after sampling permits; that of a target or a stop, which the
+    loop still takes a tick late, that tick earlier, but not before the median. Sampling is counted by its median first,
     and by what it took once it is done: slow sampling, or words that were read for the first time, put a plan off, and
     do not make it late.
 
@@ -78,8 +81,10 @@ class MeasuredLead:
 
     def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
         """See `Lead.join`."""
-        rest = self._rest[kind]
-        rest_s = _MARGIN * (float(np.percentile(rest, _SHARE)) if rest else self._at_first[kind])
+        rest = self._rest[kind] or (self._at_first[kind],)
+        rest_s = _MARGIN * float(np.percentile(rest, _SHARE))
+        if kind is not Kind.WHOLE:
+            rest_s = max(rest_s - LATEST / self._rate, float(np.median(rest)))
         if spent_s is None:
             sampling = self._sampling[kind]
             spent_s = float(np.median(sampling)) if sampling else 0.0

@@ -268,6 +268,50 @@ def test_a_plan_that_does_not_fit_is_never_played(
     assert loop.telemetry.row.late_plans == (late > 0)
 
 
+def offer_late(loop: ControlLoop, retargeter: Retargeter, first: Plan, late: int, frames: slice) -> Plan:
+    """Publish a plan that resumes the one that plays and begins some ticks before this one."""
+    tick = loop.tick_count - late
+    plan = retargeter.plan(first.states[tick - first.start_tick], default_clip()[frames], frames.start, tick)
+    return offer(loop, plan, resumed=1)
+
+
+@pytest.mark.parametrize(("late", "played"), [(0, True), (1, True), (2, False)])
+@pytest.mark.usefixtures("ready")
+def test_a_plan_that_comes_a_tick_late_goes_on_from_its_second_row_without_a_jump(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, late: int, played: bool
+) -> None:
+    """It was made again and joined 30 ms later, so that each target had to wait as long as for the slowest plan."""
+    first = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(40)
+    goals = loop.command.position.copy()
+    plan = offer_late(loop, retargeter, first, late, slice(9, 60))
+    run(1)
+    assert loop.intake.playing is not None and (loop.intake.playing.ticket.id == 2) == played
+    assert loop.telemetry.row.late_plans == (not played)
+    if played:
+        np.testing.assert_allclose(loop.now.q, plan.q[late], atol=1e-12)
+    assert np.abs(loop.command.position - goals).max() < np.radians(1.0)
+
+
+@pytest.mark.parametrize("elsewhere", ["joint", "contact"])
+@pytest.mark.usefixtures("ready")
+def test_a_late_plan_that_is_elsewhere_already_is_refused(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, elsewhere: str
+) -> None:
+    first = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(40)
+    tick = loop.tick_count - 1
+    plan = retargeter.plan(first.states[tick - first.start_tick], default_clip()[9:60], 9, tick)
+    if elsewhere == "joint":
+        plan.q[1, 3] += np.radians(3.0)
+    else:
+        plan.contacts[1] = (True, False)
+    offer(loop, plan, resumed=1)
+    run(1)
+    assert loop.intake.playing is not None and loop.intake.playing.ticket.id == 1
+    assert loop.telemetry.row.late_plans == 1
+
+
 @pytest.mark.usefixtures("ready")
 def test_after_a_stop_only_a_plan_that_stops_is_accepted(
     loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
