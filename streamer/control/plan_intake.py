@@ -12,8 +12,8 @@ from flexmotion.streamer.control.telemetry import Telemetry
 LATEST = 1
 """Ticks by which the plan of a target or a stop may be late and is played all the same."""
 _APART = np.radians(2.0)
-"""Most that a late plan has left the one that plays, of any joint [rad]. In 147 plans for targets the joint that differs
-most was .32 degrees away one tick after the join (median; most .99), and the divergent component 1.7 mm at most."""
+"""Most that a late plan has left the one that plays, of any joint [rad]. In 147 plans for targets the joint that
+differs most was .32 degrees away one tick after the join (median; most .99), the divergent component at most 1.7 mm."""
 
 _STANDING = (State.READY, State.HOLD)
 _PLAYING = (*_STANDING, State.STREAMING)
