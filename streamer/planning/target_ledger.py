@@ -27,7 +27,7 @@ _ENDED = {
 _STOPPED = "stopped: release the stop first (on the page: Release stop; in a terminal: flexmotion clear)"
 _FAULTED = "a fault is latched: wait until the torque is off, then clear the fault and arm the robot"
 _FAULTED_PARK = (
-    "a fault is latched: the robot lowers itself (PARK), then its torque goes off; after that clear the fault, then arm "
+    "a fault is latched: the robot lowers itself (PARK), then its torque goes off; after that clear the fault and arm "
     "the robot"
 )
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
