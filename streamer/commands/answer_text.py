@@ -21,7 +21,7 @@ _STOPS = {
 _SURE = 0.995
 _IDLE = {
     "OFF": "its torque is off",
-    "READY": "it stands up, then stands",
+    "READY": "it stands up",
     "STREAMING": "it comes to a stand",
     "HOLD": "it stands",
     "PARK": "it lowers itself",
@@ -74,7 +74,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "lies": _lies(found.get("gets_up_from")),
         "targets": "refused: a stop is in force (flexmotion clear)" if _stopped(found) else None,
         "limp joints": ", ".join(found["limp"]) or None,
-        "follows": _follows(found["following"], state),
+        "follows": _follows(found["following"], "HOLD" if found.get("ready") else state),
         "operator": found["operator"] or "nobody",
         "place": _place(found["odometry"]),
         "torso": _tilt(found["tilt"]),

@@ -416,6 +416,7 @@ class ControlLoop:
             intake.over(self.tick_count),
             self.must_stop,
         )
+        row.faulted[...] = self.ladder.fault is not None
         row.offer[...], row.pending[...] = intake.examined, 0 if intake.waiting is None else intake.waiting.ticket.id
         row.disbelieved[...] = self.plausibility.disbelieved
         row.limp[...] = self.joints.limp

@@ -134,6 +134,8 @@ class TickRow(Record):
     """The plan has been played to its last row."""
     must_stop: Bool = column("?")
     """Only a plan that stops is accepted."""
+    faulted: Bool = column("?")
+    """A fault is latched: no target is followed until it is cleared and the robot is armed again."""
     hung: Bool = column("?")
     """The feet are in the air."""
     hardware_failed: Bool = column("?")

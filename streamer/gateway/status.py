@@ -47,6 +47,7 @@ class Status(BaseModel):
             newest one that changed no state, such as torque off that is not confirmed.
         gets_up_from: the side, `front` or `back`, that the robot lies on without torque and from which it gets up on
             request (`clear` with `get_up`); null where it does not lie, or does not get up.
+        ready: in READY: the robot has stood up, and waits for its first target.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
@@ -73,6 +74,7 @@ class Status(BaseModel):
     state: str | None = None
     cause: str | None = None
     gets_up_from: str | None = None
+    ready: bool | None = None
     must_stop: bool | None = None
     limp: tuple[str, ...] = ()
     tick: int | None = None
@@ -138,6 +140,7 @@ def status_of(
         state=State(int(row.state)).name,
         cause=desk.cause.text,
         gets_up_from=gets_up_from(row),
+        ready=bool(row.ready),
         must_stop=bool(row.must_stop),
         limp=tuple(name for name, limp in zip(joints, row.limp, strict=False) if limp),
         tick=int(row.tick),

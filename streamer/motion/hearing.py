@@ -74,8 +74,9 @@ class Hearing:
                 told = HeardStep(text=words, heard_as=kind)
                 step = Step(Text("stand still"), kind, None, (0, 0), 0, None, told, intent)
                 return Program((step,), Heard(asked=words, state="accepted", heard_as=kind, steps=(told,)))
-        heard = Heard(asked="stop" if isinstance(intent, Stop) else repr(intent), state="accepted", heard_as="stop")
-        return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text="stop", heard_as=STAND)),), heard)
+        words = words_of(intent) if isinstance(intent, Stop) else repr(intent)
+        heard = Heard(asked=words, state="accepted", heard_as=STAND)
+        return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text=words, heard_as=STAND)),), heard)
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
         clauses = self._requests(sentence)

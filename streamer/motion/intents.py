@@ -178,7 +178,7 @@ def to_content(intent: Intent) -> dict[str, Any]:
 
 
 def words_of(intent: Intent) -> str:
-    """An intent in words, as answers name it."""
+    """An intent in words, as answers name it. Standing still is no STOP, which refuses targets until it is released."""
     match intent:
         case Text(text):
             return text
@@ -190,7 +190,7 @@ def words_of(intent: Intent) -> str:
             return goal_text(intent)
         case Logged():
             return str(intent)
-    return "stop"
+    return "stand still"
 
 
 def goal_text(goal: Goal) -> str:

@@ -24,8 +24,11 @@ _ENDED = {
     State.GET_UP: "the robot gets up (GET_UP): wait until it stands",
 }
 """States in which no target is followed, and why."""
-_STOPPED = (
-    "stopped: release the stop first; after a fault, wait until the torque is off, then clear it and arm the robot"
+_STOPPED = "stopped: release the stop first (on the page: Release stop; in a terminal: flexmotion clear)"
+_FAULTED = "a fault is latched: wait until the torque is off, then clear the fault and arm the robot"
+_FAULTED_PARK = (
+    "a fault is latched: the robot lowers itself (PARK), then its torque goes off; after that clear the fault and arm "
+    "the robot"
 )
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
 
@@ -35,6 +38,8 @@ def ended_by(row: TickRow) -> str | None:
     state = State(int(row.state))
     if not (bool(row.must_stop) or state in _ENDED):
         return None
+    if bool(row.faulted) and state in (State.PARK, State.READY, State.STREAMING, State.HOLD):
+        return _FAULTED_PARK if state is State.PARK else _FAULTED
     return _ENDED.get(state, _LIMP if row.limp.any() else _STOPPED)
 
 

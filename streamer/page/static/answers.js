@@ -7,7 +7,7 @@ const LONGEST = 160; // characters of a reason that is not folded
 const MARKS = {
   accepted: ["accepted", "good"], slowed: ["accepted", "good"], moved: ["accepted", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
   refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], stopped: ["stopped", "warn"], wait: ["sent", "wait"],
-  unsure: ["unsure", "warn"],
+  unsure: ["unsure", "warn"], ended: ["ended", "wait"],
 };
 const ENDS = { done: "✓", "time limit": "not finished", superseded: "replaced", stopped: "stopped", expired: "too late" };
 const FOLLOWED = ["accepted", "slowed", "moved"];
@@ -17,15 +17,16 @@ export function mark(entry) {
   return MARKS[outcome(entry)] ?? [entry.state, "wait"];
 }
 
-// What became of it: the robot has measured the steps that have an amount.
-function outcome({ state, answer, text }) {
+// What became of it: the robot has measured the steps that have an amount; of the others `ended` tells.
+function outcome({ state, answer, text, ended }) {
   if (!FOLLOWED.includes(state)) return state;
   const ends = (answer.steps ?? []).filter((step) => step.amount !== undefined || step.end).map((step) => step.end);
   if (ends.length && ends.every(Boolean)) {
     if (ends.every((end) => end === "done")) return "done";
     if (ends.includes("time limit")) return "late";
-    return ends.includes("stopped") ? "stopped" : "superseded";
+    return ends.includes("stopped") ? "stopped" : ended?.[1] || "superseded";
   }
+  if (ended?.[1]) return ended[1];
   return answer.certainty < UNSURE && answer.heard_as && plain(answer.heard_as) !== text ? "unsure" : state;
 }
 
@@ -33,7 +34,7 @@ function outcome({ state, answer, text }) {
 export function told(entry, own, kinds = []) {
   const { heard_as, certainty, slowed, moved, dropped, notes, reason, steps = [] } = entry.answer;
   const found = { steps: [], notes: [], problem: "", tries: [], more: "" };
-  if (reason) Object.assign(found, why(reason, kinds));
+  if (reason) Object.assign(found, why(reason, kinds, entry.broke));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
     found.steps = steps.map((step) => ({
       text: [plain(step.heard_as ?? step.text), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
@@ -50,13 +51,20 @@ export function told(entry, own, kinds = []) {
   return found;
 }
 
-// A reason; where it names what the model can do, that apart, and what to try instead.
-function why(reason, kinds) {
+// A reason; where it names what the model can do, that apart, and what to try instead. broke: the entry that it ended.
+function why(reason, kinds, broke) {
   const list = reason.match(/^(.*?)(?:, it|; the model) stands still(?:; try: (.*?))?; it can: (.*)$/);
   if (list) {
     const more = kinds.length ? kinds.map(plain).join(", ") : list[3];
-    return { problem: `${list[1]}. The robot stands still.`, more, tries: list[2]?.split(", ") ?? [] };
+    return { problem: `${list[1]}. ${broke ? `It stopped ${motion(broke)}.` : "The robot stands still."}`, more, tries: list[2]?.split(", ") ?? [] };
   }
   const end = reason.indexOf("; ");
   return reason.length <= LONGEST || end < 0 ? { problem: reason } : { problem: reason.slice(0, end), more: reason.slice(end + 2) };
+}
+
+// What a robot did that followed an entry.
+function motion({ stick, answer }) {
+  const kind = answer.heard_as ?? "";
+  if (stick || /walk|velocity|waypoint/.test(kind)) return "walking";
+  return /turn|heading/.test(kind) ? "turning" : "what it did";
 }

@@ -1,13 +1,16 @@
 // What was asked: the prompt, the stick, and the history with what was heard.
 
 import { mark, told } from "./answers.js";
+import { Ends } from "./ends.js";
 import { Strip } from "./strip.js";
 import { made } from "./words.js";
 
 const SUGGESTIONS = ["walk forward", "wave", "turn left 90 degrees", "two steps back, then bow", "raise both arms"];
 const KEPT = 40, LISTED = 12;
 const FOLLOWED = ["accepted", "slowed", "moved", "partly"];
+const VELOCITY = /^velocity \[/;
 const DRAGGED = /^(left|right) hand to \[/;
+const STILL = "stand still"; // what a velocity of zero is called
 const HINT = "What should the robot do?";
 
 export class Asked {
@@ -17,9 +20,10 @@ export class Asked {
     this.items = new Map(); // of the list, by entry
     this.list = document.getElementById("history");
     this.said = document.getElementById("said");
+    this.ends = new Ends();
     this.strip = new Strip(document.getElementById("timeline"));
     this.prompt = document.getElementById("prompt");
-    this.asking = document.getElementById("asking");
+    this.asking = document.querySelectorAll("aside fieldset");
     this.kinds = []; // of motion that the model can do
     this.past = [];
     this.place = 0;
@@ -32,24 +36,41 @@ export class Asked {
 
   // Targets can be asked for; else `reason` says why not.
   allow(reason) {
-    this.asking.disabled = Boolean(reason);
+    for (const part of this.asking) part.disabled = Boolean(reason);
     this.prompt.placeholder = reason || HINT;
+    if (reason && this.entries[0]) this.entries[0].held = false;
   }
 
   // A connection is made: the run tells its answers anew.
   begin() {
     this.entries = this.entries.filter((one) => one.key === null && one.state !== "wait");
+    this.ends.begin();
     this.strip.begin();
     this.show();
   }
 
-  ask(words) {
+  // A message of the loop.
+  happened(event) {
+    this.ends.happened(event);
+    this.strip.happened(event);
+    this.show();
+  }
+
+  // The connection is lost; the run was at this time [s].
+  lost(time_s) {
+    this.ends.lost(time_s);
+    this.show();
+  }
+
+  async ask(words) {
     const text = words.trim();
     if (!text) return;
     this.prompt.value = "";
     this.past.push(text);
     this.place = this.past.length;
-    this.send({ type: "text", text }, text);
+    const { state } = await this.send({ type: "text", text }, text);
+    // It may be below the edge, and what to try instead with it.
+    if (state === "refused") this.items.get(this.entries.find((one) => one.text === text))?.item.scrollIntoView({ block: "nearest" });
   }
 
   // Send a target, told as `text`; resolves to its answer.
@@ -90,8 +111,7 @@ export class Asked {
   // The answer to a target of anyone; a later version of one says how its steps ended.
   heard(message) {
     const key = message.id || `item ${message.item}`;
-    const velocity = message.asked.match(/^velocity \[(.*)\]$/)?.[1].split(",").map(Number);
-    if (velocity) return this.steered(message, key, velocity);
+    if (VELOCITY.test(message.asked)) return this.steered(message, key);
     // Its own dragged hands are told by `drag`.
     if (message.source === this.link.source && DRAGGED.test(message.asked)) return;
     // A run stands until somebody asks for something; nobody has typed that.
@@ -101,26 +121,33 @@ export class Asked {
       // Its own answer comes over the same connection and may be later than this.
       entry = this.entries.find((one) => one.key === null && one.state === "wait" && one.text === message.asked);
     }
+    if (!entry && message.asked === STILL) {
+      const stick = this.entries.find((one) => one.stick && one.source === message.source && !one.ended);
+      if (stick) return this.released(stick, message);
+    }
     entry ??= this.add({ key, text: message.asked, source: message.source });
     Object.assign(entry, { key, state: message.state, answer: message, at_s: message.at_s ?? entry.at_s });
     this.show();
   }
 
   // The answer to one velocity of many: one that another velocity replaced is none of the stick's.
-  steered({ source, state, slowed, reason, at_s }, key, velocity) {
-    const moves = velocity.some((value) => value);
-    let entry = this.entries.find((one) => one.stick && one.source === source && one.end_s === undefined && (moves || !one.held));
+  steered({ source, state, slowed, reason, at_s }, key) {
+    let entry = this.entries.find((one) => one.stick && one.source === source && one.end_s === undefined);
     if (!FOLLOWED.includes(state)) {
       if (entry?.state === "wait" && state !== "superseded") Object.assign(entry, { state, answer: { reason }, key });
-    } else if (!moves) {
-      if (entry) Object.assign(entry, { end_s: at_s, held: false });
     } else {
       const own = source === this.link.source;
       if (!entry || !(own || entry === this.entries[0])) {
         entry = this.add({ text: "stick", stick: true, source });
       }
-      Object.assign(entry, { key, state, answer: { slowed }, at_s: entry.at_s ?? at_s });
+      Object.assign(entry, { key, state, answer: { slowed }, at_s: entry.at_s ?? at_s, last_s: at_s });
     }
+    this.show();
+  }
+
+  // The answer to the stand that a stick asks for when it is let go.
+  released(entry, { state, at_s }) {
+    if (FOLLOWED.includes(state)) Object.assign(entry, { end_s: at_s, held: false });
     this.show();
   }
 
@@ -149,6 +176,7 @@ export class Asked {
 
   // Only entries that have changed are made anew: what has the focus, or is unfolded, stays.
   show() {
+    this.ends.tell(this.entries);
     const listed = this.entries.slice(0, LISTED);
     for (const [entry, { item }] of this.items) {
       if (listed.includes(entry)) continue;

@@ -3,16 +3,16 @@
 const SHOWN_S = 30;
 const CURVES = [
   { name: "tracking_deg", title: "tracking error of the joints", unit: "°", digits: 1, most: 5 },
-  { name: "load", title: "hardest joint, of its envelope", unit: "%", digits: 0, most: 1, scale: 100, limit: 1 },
-  { name: "margin_mm", title: "balance: distance to the soles' edge", unit: "mm", digits: 0, least: 0, most: 80, limit: 0 },
-  { name: "late_ms", title: "loop: longest period's work and delay", unit: "ms", digits: 1, most: 8, limit: 8 },
+  { name: "load", title: "hardest joint, of its envelope", unit: "%", digits: 0, most: 1.5, scale: 100, limit: 1, limited: "its envelope: 100 %" },
+  { name: "margin_mm", title: "balance: distance to the soles' edge", unit: "mm", digits: 0, least: 0, most: 80, limit: 0, limited: "the soles' edge" },
+  { name: "late_ms", title: "loop: longest period's work and delay", unit: "ms", digits: 1, most: 8, limit: 8, limited: "a period" },
 ];
 
 export class Curves {
   constructor(periodMs) {
     this.samples = [];
     this.names = [];
-    CURVES[3].limit = CURVES[3].most = periodMs;
+    Object.assign(CURVES[3], { limit: periodMs, most: 1.5 * periodMs, limited: `a period: ${periodMs.toFixed(1)} ms` });
     const root = document.getElementById("curves");
     root.replaceChildren();
     this.parts = CURVES.map((curve) => {
@@ -51,7 +51,7 @@ export class Curves {
       const y = (value) => height - 2 - (height - 4) * (value - least) / (most - least || 1);
       context.strokeStyle = line;
       rule(context, width, y(0));
-      if (part.limit) { context.strokeStyle = bad; context.setLineDash([3, 3]); rule(context, width, y(part.limit)); context.setLineDash([]); }
+      if (part.limited) limit(context, width, y(part.limit), part.limited, bad);
       context.strokeStyle = ink;
       context.lineWidth = 1.6;
       context.beginPath();
@@ -65,6 +65,17 @@ export class Curves {
       context.stroke();
     }
   }
+}
+
+// A dashed line with its name above it, or below it where there is no room.
+function limit(context, width, y, name, colour) {
+  context.strokeStyle = context.fillStyle = colour;
+  context.setLineDash([3, 3]);
+  rule(context, width, y);
+  context.setLineDash([]);
+  context.font = "11px system-ui, sans-serif";
+  context.textBaseline = y < 14 ? "top" : "bottom";
+  context.fillText(name, 0, y < 14 ? y + 2 : y - 1);
 }
 
 function rule(context, width, y) {

@@ -9,10 +9,10 @@ import { nextStep, Panel, whyNot } from "./panel.js";
 import { Scene } from "./scene.js";
 import { Stick } from "./stick.js";
 import { Stops } from "./stops.js";
-import { coded, doing } from "./words.js";
+import { amount, coded, doing, made } from "./words.js";
 
 const STATES = {
-  OFF: ["torque off", ""], READY: ["ready", "good"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
+  OFF: ["torque off", ""], READY: ["standing up", "warn"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
   PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], GET_UP: ["getting up", "warn"],
   FAULT: ["fault, torque off", "bad"],
 };
@@ -22,6 +22,10 @@ const element = (id) => document.getElementById(id);
 const PICKED_UP = "Simulation: somebody picked the robot up and stood it up again.";
 const PICKED_UP_MS = 6000;
 
+const OVER = /^target \d+ is over after/;
+const LATE = "The stick's messages came too late, and the robot came to a stand in between: this browser or its network is too slow.";
+
+const late = { times: 0, item: null }; // velocities of the stick whose time was over
 let fault = null; // what happened last, and what to do about it
 let robot = null, scene = null, floor = null, hands = null, curves = null, status = {}, seen = 0;
 
@@ -87,7 +91,7 @@ function lost() {
   element("scene").parentElement.classList.add("lost");
   stick.allow(false);
   asked.allow("No connection");
-  asked.strip.lost(scene?.time ?? 0);
+  asked.lost(scene?.time ?? 0);
   element("following").textContent = "";
   floor?.forget();
   hands?.allow(false);
@@ -102,9 +106,11 @@ element("clips").onsubmit = (event) => {
   asked.send({ type: "clip", clip }, clip);
 };
 
+// Half of the time at least is left to the stick, whose messages must not be late, also where drawing is slow.
 function draw() {
+  const begin = performance.now();
   scene.draw();
-  requestAnimationFrame(draw);
+  setTimeout(() => requestAnimationFrame(draw), performance.now() - begin);
 }
 
 function drawFigures() {
@@ -125,7 +131,7 @@ function pill(text, kind) {
 function showStatus(now) {
   const before = status.state;
   status = now;
-  const [text, kind] = STATES[now.state] ?? ["starting", ""];
+  const [text, kind] = STATES[now.ready ? "HOLD" : now.state] ?? ["starting", ""];
   const silent = now.loop === "silent";
   const stopped = now.must_stop && ["READY", "HOLD", "STREAMING"].includes(now.state);
   const words = silent ? (now.state ? "run has ended" : "starting") : stopped ? (now.state === "STREAMING" ? "stopping" : "stopped") : text;
@@ -154,25 +160,34 @@ function showStatus(now) {
 
 function showEvent(event) {
   const { time_s, kind, message, headline, advice } = event;
-  asked.strip.happened(event);
+  asked.happened(event);
   if (kind === "request" && message === "NOTE") return;
-  const item = document.createElement("li");
-  const time = document.createElement("time");
-  time.textContent = `${time_s.toFixed(1)} s`;
-  const text = document.createElement("span");
-  text.className = kind;
-  text.textContent = message;
-  item.append(time, text);
+  if (stick.held && OVER.test(message)) return showLate(time_s);
+  const item = listed(time_s, message, kind);
   if (advice) {
     item.append(document.createElement("p"));
     item.lastChild.append(...coded(advice));
   }
-  const list = element("events");
-  list.prepend(item);
-  while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
   if (kind !== "fault" && kind !== "refused" && !(kind === "state" && advice)) return;
   fault = [headline ?? message.replace(/^[A-Z]+ -> [A-Z]+:? ?/, ""), advice ?? "See the messages."];
   panel.show("fault", ...fault);
+}
+
+// A line of the messages, the newest first.
+function listed(time_s, message, kind) {
+  const item = document.createElement("li");
+  item.append(made("time", `${time_s.toFixed(1)} s`), made("span", message, kind));
+  const list = element("events");
+  list.prepend(item);
+  while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
+  return item;
+}
+
+// The time of a velocity was over before the stick, which is held, sent the next one. All of them are one line.
+function showLate(time_s) {
+  late.times += 1;
+  late.item?.remove();
+  late.item = listed(time_s, `${LATE} (${amount(late.times, "times")})`, "warning");
 }
 
 function showHealth(now) {
@@ -195,17 +210,17 @@ function showHealth(now) {
     bar.append(name, box, value);
     return bar;
   }));
-  const pair = ([middle, most]) => (middle === null ? "–" : `${middle.toFixed(2)} / ${most.toFixed(2)} ms`);
   const ms = (value) => (value === null ? "–" : `${value} ms`);
   list("figures", {
-    "woke late (median / p99)": pair(now.wake_ms), "loop work (median / p99)": pair(now.work_ms),
-    "sampling, retargeting": `${ms(now.sample_ms)}, ${ms(now.retarget_ms)}`,
+    "woke late, median": ms(now.wake_ms[0]), "woke late, 99 of 100 within": ms(now.wake_ms[1]),
+    "loop work, median": ms(now.work_ms[0]), "loop work, 99 of 100 within": ms(now.work_ms[1]),
+    "sampling, newest": ms(now.sample_ms), "retargeting, newest": ms(now.retarget_ms),
     "target to command, newest": ms(now.target_to_command_ms),
-    "tick, plan": `${status.tick ?? "–"}, ${now.plan}`,
-    "missed periods, underruns, late plans": `${now.missed_deadlines}, ${now.underruns}, ${now.late_plans}`,
-    "goals outside the envelope": now.violations, "steps, inserted": `${now.steps_planned}, ${now.steps_inserted}`,
+    "number of the tick": status.tick ?? "–", "number of the plan": now.plan,
+    "missed periods": now.missed_deadlines, "plans that ran out": now.underruns, "late plans": now.late_plans,
+    "goals outside the envelope": now.violations, "steps planned": now.steps_planned, "steps inserted": now.steps_inserted,
     "feet in the air": now.hung ? "yes" : "no",
-    messages: Object.entries(status.counts ?? {}).map(([name, count]) => `${name} ${count}`).join(", ") || "none",
+    ...Object.fromEntries(Object.entries(status.counts ?? {}).map(([name, count]) => [`messages ${name}`, count])),
     "picture's age": seen ? `${Math.round(performance.now() - seen)} ms` : "–",
   });
 }

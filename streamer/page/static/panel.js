@@ -5,6 +5,7 @@ import { coded } from "./words.js";
 
 const KINDS = ["press", "lost", "fault", "state"]; // the most urgent first
 const TOLD_MS = 2000;
+const FAULTED = "Fault: clear it once it has parked";
 
 export class Panel {
   constructor() {
@@ -53,12 +54,13 @@ export function nextStep({ state, must_stop, gets_up_from }, recovering, other) 
 }
 
 // Why nothing can be asked for now; null: it can.
-export function whyNot({ state, must_stop, loop }, other) {
+export function whyNot({ state, must_stop, loop, cause }, other) {
   if (loop === "silent") return state ? "The run has ended" : "The run is starting";
   const reasons = {
     OFF: "Torque is off: arm it first", PARK: "Lowering itself: arm it then",
     GET_UP: "Getting up: wait until it stands", DAMPED: "The robot fell", FAULT: "Fault: clear it first",
   };
+  if (cause && (must_stop || state === "PARK") && !["OFF", "FAULT", "DAMPED", "GET_UP"].includes(state)) return FAULTED;
   if (reasons[state]) return reasons[state];
   if (must_stop) return "Stopped: release the stop first";
   return other ? `${other} steers: take over first` : null;

@@ -69,21 +69,25 @@ export class Scene {
     const size = 40 * this.height;
     this.cell = 0.25;
     // Lines as a picture: line segments that pass beside the camera are dropped by some drivers.
-    const tile = document.createElement("canvas");
-    tile.width = tile.height = 256;
-    const context = tile.getContext("2d");
-    context.fillStyle = "#fff";
-    context.fillRect(0, 0, 256, 256);
-    context.strokeStyle = "#b4bcc6";
-    context.lineWidth = 4;
-    context.strokeRect(0, 0, 256, 256);
-    this.tiles = new THREE.CanvasTexture(tile);
+    this.tile = Object.assign(document.createElement("canvas"), { width: 256, height: 256 });
+    this.tiles = new THREE.CanvasTexture(this.tile);
+    this.tiles.colorSpace = THREE.SRGBColorSpace;
     this.tiles.wrapS = this.tiles.wrapT = THREE.RepeatWrapping;
     this.tiles.repeat.setScalar(size / this.cell);
     this.tiles.anisotropy = 8;
     this.floor = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.MeshStandardMaterial({ roughness: 1, map: this.tiles }));
     this.floor.receiveShadow = true;
     this.scene.add(this.floor);
+  }
+
+  paintFloor(ground, line) {
+    const context = this.tile.getContext("2d");
+    context.fillStyle = ground;
+    context.fillRect(0, 0, 256, 256);
+    context.strokeStyle = line;
+    context.lineWidth = 4;
+    context.strokeRect(0, 0, 256, 256);
+    this.tiles.needsUpdate = true;
   }
 
   figure(material, grow) {
@@ -221,7 +225,7 @@ export class Scene {
     const ground = colour("--stage");
     this.scene.background = ground;
     this.scene.fog = new THREE.Fog(ground, 5 * this.height, 16 * this.height);
-    this.floor.material.color = ground;
+    this.paintFloor(...["--stage", "--grid"].map((name) => style.getPropertyValue(name)));
     this.planMaterial.color = colour("--plan");
     this.humanMaterial.color = colour("--human");
     this.line.material.color = colour("--quiet");

@@ -25,9 +25,9 @@ export class Stick {
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
   }
 
-  // Whether the robot takes velocities now.
+  // Whether the robot takes velocities now. Where it does not, it is not sent the stand of a stick that is let go either.
   allow(allowed) {
-    if (!allowed) this.release();
+    if (!allowed) this.drop();
     this.allowed = allowed;
     this.pad.classList.toggle("off", !allowed);
   }
@@ -77,14 +77,22 @@ export class Stick {
     if (this.moving) this.send({ type: "velocity", velocity, ttl_s: HOLDS_S });
   }
 
+  get held() {
+    return this.timer !== null;
+  }
+
   release() {
-    if (this.timer === null) return;
+    const moved = this.held && this.moving;
+    this.drop();
+    if (moved) this.send({ type: "velocity", velocity: [0, 0, 0] });
+  }
+
+  drop() {
     clearInterval(this.timer);
     this.timer = null;
     this.pressed.clear();
     this.pad.classList.remove("held");
     this.knob.style.transform = "";
-    if (this.moving) this.send({ type: "velocity", velocity: [0, 0, 0] });
     this.moving = false;
   }
 }

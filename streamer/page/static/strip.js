@@ -3,10 +3,11 @@
 import { fitted } from "./curves.js";
 
 const SHOWN_S = 60;
-const TOP = 4, HIGH = 28;
+const TOP = 2, HIGH = 22;
+const ROWS = [36, 51, 66]; // of names below the blocks: a name may be longer than its block
+const LONGEST_PX = 170, GAP_PX = 10;
 const REFUSED_PX = 18;
 const LETTERS = { STOP: "S", ESTOP: "E", KILL: "K" };
-const MOVES = ["READY", "STREAMING", "HOLD"]; // states in which something can be followed
 const KEPT = 60;
 
 export class Strip {
@@ -18,39 +19,19 @@ export class Strip {
   // A connection is made: what has happened is told anew.
   begin() {
     this.marks = []; // stops: {at_s, letter}
-    this.rests = []; // when the robot had come to a stand [s]
-    this.cuts = []; // when whatever it followed was over [s]
   }
 
   // A message of the loop at a time of the run [s].
   happened({ time_s, kind, message }) {
-    if (kind === "request" && message in LETTERS) {
-      this.marks.push({ at_s: time_s, letter: LETTERS[message] });
-      this.cuts.push(time_s);
-    }
-    const [, from, to] = message.match(/^([A-Z]+) -> ([A-Z]+)/) ?? [];
-    if (from === "STREAMING" && to === "HOLD") this.rests.push(time_s);
-    if (to && !MOVES.includes(to)) this.cuts.push(time_s);
-    for (const list of [this.marks, this.rests, this.cuts]) if (list.length > KEPT) list.shift();
+    if (kind !== "request" || !(message in LETTERS)) return;
+    this.marks.push({ at_s: time_s, letter: LETTERS[message] });
+    if (this.marks.length > KEPT) this.marks.shift();
   }
 
-  // Nothing is known after this time [s].
-  lost(time_s) {
-    this.cuts.push(time_s);
-  }
-
-  // [[entry, begin, end]] in seconds of the run: a motion ends with its last step, at a stop, or as the next one begins.
+  // [[entry, begin, end]] in seconds of the run, the oldest first.
   blocks(entries, now_s) {
     const placed = entries.filter((one) => Number.isFinite(one.at_s) && one.at_s <= now_s).sort((a, b) => a.at_s - b.at_s);
-    return placed.map((entry, index) => {
-      const steps = entry.answer.steps ?? [];
-      const measured = steps.some((step) => step.amount !== undefined);
-      const after = (times) => Math.min(...times.filter((time) => time > entry.at_s));
-      const ends = [now_s, placed[index + 1]?.at_s ?? now_s, entry.end_s ?? now_s, after(this.cuts)];
-      if (!measured) ends.push(after(this.rests));
-      if (steps.length && steps.every((step) => Number.isFinite(step.end_s))) ends.push(Math.max(...steps.map((step) => step.end_s)));
-      return [entry, entry.at_s, Math.max(Math.min(...ends), entry.at_s)];
-    });
+    return placed.map((entry) => [entry, entry.at_s, Math.max(Math.min(entry.ended?.[0] ?? now_s, now_s), entry.at_s)]);
   }
 
   draw(entries, now_s) {
@@ -61,17 +42,23 @@ export class Strip {
     const x = (time) => width * (1 - (now_s - time) / SHOWN_S);
     context.font = "12px system-ui, sans-serif";
     context.textBaseline = "middle";
-    for (const [entry, begin, end] of this.blocks(entries, now_s)) {
-      if (end < now_s - SHOWN_S) continue;
-      const left = Math.max(x(begin), 0);
+    const blocks = this.blocks(entries, now_s).filter(([entry, , end]) => end >= now_s - SHOWN_S);
+    for (const [entry, begin, end] of blocks) {
+      const left = Math.min(Math.max(x(begin), 0), width - REFUSED_PX);
       if (entry.state === "refused") { refused(context, left, colour); continue; }
-      const wide = Math.max(x(end) - left - 2, 3);
       context.fillStyle = entry.stick ? colour("--plan") : colour("--accent");
       context.beginPath();
-      context.roundRect(left, TOP, wide, HIGH, 6);
+      context.roundRect(left, TOP, Math.max(x(end) - left - 2, 3), HIGH, 5);
       context.fill();
-      context.fillStyle = colour("--on-accent");
-      context.fillText(cut(context, entry.text, wide - 14), left + 8, TOP + HIGH / 2);
+    }
+    const named = names(context, blocks.map(([entry, at_s]) => [entry.text, Math.max(x(at_s), 0)]), width);
+    context.fillStyle = colour("--edge");
+    for (const { begin, row } of named) context.fillRect(begin + 1, TOP + HIGH, 1, ROWS[row] - TOP - HIGH - 7);
+    for (const { text, left, wide, row } of named) {
+      context.fillStyle = colour("--card");
+      context.fillRect(left - 2, ROWS[row] - 7, wide + 4, 14);
+      context.fillStyle = colour("--ink");
+      context.fillText(text, left, ROWS[row]);
     }
     for (const { at_s, letter } of this.marks) {
       if (at_s < now_s - SHOWN_S || at_s > now_s) continue;
@@ -83,7 +70,9 @@ export class Strip {
       context.textAlign = "center";
       context.fillText(letter, at, TOP + 9.5);
     }
+    context.textAlign = "center";
     context.fillStyle = colour("--quiet");
+    if (!blocks.length && !this.marks.some(({ at_s }) => at_s >= now_s - SHOWN_S)) context.fillText("nothing in the last minute", width / 2, TOP + HIGH / 2);
     for (const ago of [60, 45, 30, 15, 0]) {
       context.textAlign = ago === 60 ? "left" : ago === 0 ? "right" : "center";
       context.fillText(ago ? `−${ago} s` : "now", x(now_s - ago), height - 9);
@@ -117,9 +106,22 @@ function refused(context, left, colour) {
   context.textAlign = "left";
 }
 
+// [{text, begin, left, wide, row}] of the names of blocks [[text, begin]]; the newest first, and none where all rows are taken.
+function names(context, blocks, width) {
+  const free = ROWS.map(() => width), found = [];
+  for (const [text, begin] of blocks.reverse()) {
+    const shown = cut(context, text, LONGEST_PX), wide = context.measureText(shown).width;
+    const left = Math.max(Math.min(begin, width - wide), 0);
+    const row = free.findIndex((end) => left + wide <= end);
+    if (row < 0) continue;
+    free[row] = left - GAP_PX;
+    found.push({ text: shown, begin, left, wide, row });
+  }
+  return found;
+}
+
 // As much of a text as fits, "…" where there is more.
 function cut(context, text, width) {
-  if (width < 12) return "";
   if (context.measureText(text).width <= width) return text;
   let kept = text;
   while (kept && context.measureText(`${kept}…`).width > width) kept = kept.slice(0, -1);

@@ -108,4 +108,7 @@ def test_what_a_robot_that_follows_nothing_does_is_said_and_not_left_open() -> N
     """It read "it stands, or its torque is off", whatever the state."""
     assert lines(state="OFF")["follows"] == lines(state="FAULT")["follows"] == "nothing: its torque is off"
     assert lines(state="HOLD")["follows"] == "nothing: it stands"
+    # Six minutes after it had been armed it still read "it stands up, then stands".
+    assert lines(state="READY", ready=False)["follows"] == "nothing: it stands up"
+    assert lines(state="READY", ready=True)["follows"] == "nothing: it stands"
     assert lines(loop="silent", state=None)["follows"] == "nothing"

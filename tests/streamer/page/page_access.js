@@ -28,9 +28,11 @@
       if (!(element.getAttribute("aria-label") || label || element.textContent).trim()) found.names.push(says);
       const target = element.matches("input[type=checkbox], input[type=radio]") ? element.labels[0].getBoundingClientRect() : box;
       if (element.tagName !== "A" && Math.min(target.width, target.height) < 24) found.small.push(`${says}: ${target.width} x ${target.height}`);
-      if (element.matches("input:not([type=checkbox], [type=radio]), select")) {
-        const ground = grounds(element.parentElement), [a, b] = [luminance(drawn(...ground, style.borderTopColor)), luminance(drawn(...ground))];
-        if ((Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 3) found.edges.push(says);
+      if (element.matches("input:not([type=checkbox], [type=radio]), select, button, #stick:not(.off)")) {
+        const ground = grounds(element.parentElement), under = luminance(drawn(...ground));
+        const apart = [style.borderTopColor, style.backgroundColor].map((colour) => luminance(drawn(...ground, colour)))
+          .map((own) => (Math.max(own, under) + 0.05) / (Math.min(own, under) + 0.05));
+        if (Math.max(...apart) < 3) found.edges.push(`${says}: ${apart.map((one) => one.toFixed(2))}`);
       }
       if (element.tabIndex < 0) found.unreachable.push(says);
     }

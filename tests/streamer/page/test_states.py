@@ -102,6 +102,9 @@ def test_a_fault_is_cleared_and_the_robot_armed_at_two_places(run: StandIn, size
     run.status("FAULT", cause=CAUSE)
     usable(run, "#clear")
     assert run.page.locator("#arm").is_visible() and run.page.locator("#arm").is_disabled()
+    # The second step had no number: another button stands between the two.
+    number = "() => getComputedStyle(document.getElementById('arm'), '::before').content"
+    assert "counter" in run.page.evaluate(number)
     place = middle(run, "#clear")
     run.page.mouse.click(*place)
     run.until(lambda: run.asked, "the fault to be cleared")
@@ -310,6 +313,91 @@ def test_a_note_of_the_run_covers_nothing(run: StandIn) -> None:
     page.evaluate("() => { document.getElementById('events').closest('details').open = false; }")
 
 
+def test_a_stick_that_a_stop_takes_away_sends_nothing_more(run: StandIn) -> None:
+    """After every STOP with a held stick the history read "stop / refused": it sent the stand of a stick let go."""
+    page = run.page
+    x, y = middle(run, "#stick")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+    run.until(lambda: run.asked, "a velocity")
+    run.status("STREAMING", must_stop=True)
+    run.until(lambda: page.inner_text("#state") == "stopping", "the state")
+    run.asked.clear()
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    assert run.asked == []
+
+
+def test_the_history_tells_how_each_ended(run: StandIn) -> None:
+    """Entries stayed "accepted" for ever: also after a newer one, a stop, an emergency stop or a refusal ended them.
+
+    A stick that was let go had an entry of its own, named "stop".
+    """
+    page = run.page
+
+    def marks() -> list[list[str]]:
+        texts = page.locator("#history li > b").all_inner_texts()
+        return [list(pair) for pair in zip(texts, page.locator("#history li > .mark").all_inner_texts(), strict=True)]
+
+    def happens(second: float, kind: str, message: str) -> None:
+        run.send({"type": "event", "time_s": second, "kind": kind, "message": message})
+
+    run.heard(201, "walk forward", "accepted", heard_as="walk", at_s=201.0)
+    run.heard(202, "turn left", "accepted", heard_as="turn-left", at_s=203.0)
+    run.heard(203, "left hand up", "accepted", heard_as="left hand", at_s=204.0)
+    run.heard(204, "fly to the moon", "refused", reason=REASON, at_s=205.0)
+    for number, asked in ((205, "velocity [0.5, 0.0, 0.0]"), (206, "velocity [0.4, 0.0, 0.0]"), (207, "stand still")):
+        stick = {"type": "heard", "id": number, "source": "gamepad", "asked": asked, "state": "accepted"}
+        run.send({**stick, "at_s": number + 5.0})
+    run.heard(208, "march", "accepted", heard_as="march", at_s=214.0)
+    happens(216.0, "request", "STOP")
+    run.heard(209, "walk on", "accepted", heard_as="walk", at_s=220.0)
+    happens(222.0, "request", "ESTOP")
+    run.heard(210, "walk back", "accepted", heard_as="walk-back", at_s=230.0)
+    expected = [
+        ["walk back", "accepted"],
+        ["walk on", "ended"],
+        ["march", "stopped"],
+        ["stick", "ended"],
+        ["fly to the moon", "refused"],
+        ["left hand up", "stopped"],
+        ["turn left", "ended"],
+        ["walk forward", "replaced"],
+    ]
+    run.until(lambda: marks()[: len(expected)] == expected, "how each ended")
+    refused = page.locator("#history li", has_text="fly to the moon").first
+    assert "It stopped turning." in refused.inner_text()  # it said "The robot stands still."
+    happens(232.0, "state", "STREAMING -> HOLD")
+    run.heard(211, "fly to mars", "refused", reason=REASON, at_s=235.0)
+    run.until(lambda: marks()[:2] == [["fly to mars", "refused"], ["walk back", "ended"]], "the refusal")
+    assert "The robot stands still." in page.locator("#history li").first.inner_text()
+
+
+def test_a_robot_that_was_armed_stands_before_its_first_target(run: StandIn) -> None:
+    """It was "ready", and stood only after the first target; six minutes later "it stands up" was still told."""
+    run.status("READY", ready=False)
+    run.until(lambda: run.page.inner_text("#state") == "standing up", "the state")
+    run.status("READY", ready=True)
+    run.until(lambda: run.page.inner_text("#state") == "standing", "the state")
+
+
+def test_velocities_that_came_too_late_are_one_line(run: StandIn) -> None:
+    """In a slow browser the messages filled with "target 233 is over after 0.5 s: coming to a stand"."""
+    page = run.page
+    x, y = middle(run, "#stick")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+    run.until(lambda: run.asked, "a velocity")
+    for number in (233, 234, 235):
+        run.event("note", f"target {number} is over after 0.5 s: coming to a stand")
+    run.until(lambda: "3 times" in (page.text_content("#events") or ""), "the messages")
+    page.mouse.up()
+    told = page.text_content("#events") or ""
+    assert told.count("came too late") == 1 and "is over after" not in told
+
+
 # ------------------------------------------------------------ what can be asked
 
 
@@ -323,9 +411,21 @@ def test_the_answer_to_a_prompt_is_seen_on_a_phone(run: StandIn) -> None:
     run.answer(state="refused", reason=REASON)
     entry = page.locator("#history li", has_text="fly to the moon").first.locator(".mark")
     run.until(lambda: entry.inner_text() == "refused", "the answer")
-    box, stops = entry.bounding_box(), page.locator(".stops").bounding_box()
-    page.evaluate("() => { document.getElementById('clips').hidden = true; }")
-    assert box is not None and stops is not None and box["y"] + box["height"] < stops["y"]
+    # What to try instead was cut by the stops.
+    tries, stops = page.locator("#history .chips").first, page.locator(".stops").bounding_box()
+    boxes = [one.bounding_box() for one in (entry, tries)]
+    page.evaluate("() => { document.getElementById('clips').hidden = true; scrollTo(0, 0); }")
+    assert stops is not None and all(box is not None and box["y"] + box["height"] < stops["y"] for box in boxes)
+
+
+def test_the_prompt_of_a_desk_stays_in_reach(run: StandIn) -> None:
+    """The panel could be scrolled until the prompt was out of view."""
+    run.page.set_viewport_size({"width": 1280, "height": 600})
+    run.page.evaluate("() => document.querySelector('aside').scrollTo(0, 9999)")
+    x, y = middle(run, "#prompt")
+    top = run.page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", [x, y])
+    run.page.evaluate("() => document.querySelector('aside').scrollTo(0, 0)")
+    assert top == "prompt"
 
 
 def test_a_stop_is_released_by_the_operator_and_others_are_told_how(run: StandIn) -> None:
@@ -342,6 +442,9 @@ def test_what_cannot_be_asked_now_cannot_be_pressed_and_says_why(run: StandIn) -
     for state, known, reason in (
         ("HOLD", {"must_stop": True}, "Stopped: release the stop first"),
         ("FAULT", {"cause": CAUSE}, "Fault: clear it first"),
+        # It read "arm it then", which was refused: the fault has to be cleared before.
+        ("PARK", {"cause": CAUSE}, "Fault: clear it once it has parked"),
+        ("HOLD", {"cause": CAUSE, "must_stop": True}, "Fault: clear it once it has parked"),
         ("OFF", {}, "Torque is off: arm it first"),
         ("HOLD", {"operator": "another"}, "another steers: take over first"),
     ):
@@ -374,15 +477,15 @@ def test_words_that_are_not_understood_offer_what_is(run: StandIn) -> None:
     Since a reason names a few motions alone, the list is that of the run.
     """
     page = run.page
-    run.heard(61, "fly to the moon", "refused", reason=REASON, at_s=61.0)
+    run.heard(61, "fly to the moon", "refused", reason=REASON, at_s=361.0)
     entry = page.locator("#history li", has_text="fly to the moon").first
     run.until(lambda: entry.locator(".chips button").count() == 3, "motions to try")
     assert "stand, walk" not in entry.inner_text()
     assert "stand, walk, bow, wave right hand" in entry.locator("details").text_content(), "all, as the run lists them"
     entry.locator("summary").focus()
     for number in range(62, 66):
-        run.heard(number, "velocity [0.5, 0.0, 0.0]", "accepted", at_s=float(number))
-    run.heard(66, "hello robot", "accepted", heard_as="wave-right-hand", certainty=0.51, at_s=66.0)
+        run.heard(number, "velocity [0.5, 0.0, 0.0]", "accepted", at_s=300.0 + number)
+    run.heard(66, "hello robot", "accepted", heard_as="wave-right-hand", certainty=0.51, at_s=366.0)
     run.until(lambda: "hello robot" in page.inner_text("#history"), "the answers")
     assert page.evaluate("() => document.activeElement.tagName") == "SUMMARY"
     # An answer of which the listener is not sure looked like any other.
@@ -408,6 +511,12 @@ def test_a_simulated_robot_that_is_set_up_again_did_not_walk_there(run: StandIn)
     run.picture(moved=(0.0, 0.0))
     run.picture(moved=(0.9, 0.4))
     run.until(lambda: "somebody picked the robot up" in (run.page.text_content("#note") or ""), "the page to say it")
+    # It lay over the history, on a desk over the prompt.
+    note, stage = run.page.locator("#note").bounding_box(), run.page.locator(".stage").bounding_box()
+    drive = run.page.locator(".drive").bounding_box()
+    assert note is not None and stage is not None and drive is not None
+    assert note["x"] >= drive["x"] + drive["width"] and note["y"] >= stage["y"]
+    assert note["y"] + note["height"] <= stage["y"] + stage["height"]
     points = run.page.evaluate(f"() => {scene}.path.map((one) => [one.x, one.y])")
     assert all(abs(x - 0.9) < 0.2 for x, _ in points)
     assert not run.problems

@@ -75,7 +75,7 @@ def test_an_answer_names_a_stop_as_such(bench: Bench) -> None:
     bench.mailbox.send(WALK)
     bench.look(10)
     (answer,) = bench.told
-    assert (answer.asked, answer.state) == ("stop", "superseded")
+    assert (answer.asked, answer.state) == ("stand still", "superseded")
 
 
 def test_words_that_mean_nothing_are_refused_with_what_the_robot_does_instead(bench: Bench) -> None:
@@ -228,6 +228,18 @@ def test_no_target_is_followed_in_a_state_without_plans(bench: Bench, state: Sta
     bench.mailbox.send(WAVE)
     bench.look(100, state=state)
     assert bench.states == [(1, "refused")] and reason in str(bench.told[0].reason)
+
+
+@pytest.mark.parametrize("state", [State.PARK, State.HOLD])
+def test_a_refusal_after_a_fault_says_that_it_has_to_be_cleared(bench: Bench, state: State) -> None:
+    """While the robot parked after an emergency stop it read "arm it after that", which was refused too."""
+    bench.mailbox.send(WAVE)
+    bench.look(100, state=state, must_stop=True, faulted=True)
+    told = str(bench.told[0].reason)
+    assert "a fault is latched" in told and "clear the fault" in told and "release the stop" not in told
+    bench.mailbox.send(WAVE)
+    bench.look(101, state=State.HOLD, must_stop=True, faulted=False)
+    assert "flexmotion clear" in str(bench.told[-1].reason) and "fault" not in str(bench.told[-1].reason)
 
 
 def test_targets_of_two_processes_have_ids_that_ascend_and_differ() -> None:
