@@ -84,21 +84,23 @@ class RobotDynamics:
         all_axes, all_anchors = np.empty((rows, model.njnt, 3)), np.empty((rows, model.njnt, 3))
         position, velocity, acceleration, passive = data.qpos, data.qvel, data.qacc, data.qfrc_passive
         xaxis, xanchor = data.xaxis, data.xanchor
-        kinematics, centres_of_mass, tendons = mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon
-        velocities, passives, newton_euler = mujoco.mj_comVel, mujoco.mj_passive, mujoco.mj_rne
+        kinematics, centres_of_mass, velocities = mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel
+        passives, newton_euler = mujoco.mj_passive, mujoco.mj_rne
+        armature = model.dof_armature * qacc
         for k in range(rows):
             position[:], velocity[:], acceleration[:] = qpos[k], qvel[k], qacc[k]
-            # What `mj_inverse` does, without the mass matrix, sensors, constraints and the
-            # armature of tendons: half of its time.
-            kinematics(model, data)
-            centres_of_mass(model, data)
-            tendons(model, data)
-            velocities(model, data)
-            passives(model, data)
-            newton_euler(model, data, 1, force[k])
-            force[k] -= passive
+            if model.ntendon:
+                mujoco.mj_inverse(model, data)
+                force[k] = data.qfrc_inverse
+            else:
+                # What `mj_inverse` does, without the mass matrix, tendons, sensors and constraints: half of its time.
+                kinematics(model, data)
+                centres_of_mass(model, data)
+                velocities(model, data)
+                passives(model, data)
+                newton_euler(model, data, 1, force[k])
+                force[k] += armature[k] - passive
             all_axes[k], all_anchors[k] = xaxis, xanchor
-        force += model.dof_armature * qacc
         axes, anchors = all_axes[:, self.leg_joints], all_anchors[:, self.leg_joints]
         torque = force[:, robot.dof_address].copy()
         # Root rows: force in the world, moment in the torso frame about its origin.

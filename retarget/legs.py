@@ -152,10 +152,8 @@ class Leg:
         left, top = sole_rotation[:, :, 1], sole_rotation[:, :, 2]
         middle = np.einsum("tji,tj->it", torso_rotation, cos * left - sin * top)
         up = torso_rotation[:, :, 2]
-        first, last = (
-            np.einsum("ti,ti->t", up, sole_rotation[:, :, 0]),
-            np.einsum("ti,ti->t", up, sin * left + cos * top),
-        )
+        first = np.einsum("ti,ti->t", up, sole_rotation[:, :, 0])
+        last = np.einsum("ti,ti->t", up, sin * left + cos * top)
         bend = ankle_pitch + knee
         cos, sin = np.cos(bend), np.sin(bend)
         angles = np.empty((len(r), len(CHAIN)))

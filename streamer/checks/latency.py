@@ -200,6 +200,7 @@ def _result(
         answered=answered,
         missed_deadlines=record.missed_deadlines,
         late_plans=record.late_plans,
+        taken_late=sum(plan.join_tick > plan.start_tick for plan in record.plans),
         underruns=record.underruns,
         violations_sent=record.violations_sent,
         lateness=tuple(int(n) for n in np.histogram(late, [*HISTOGRAM_US, np.inf])[0]),

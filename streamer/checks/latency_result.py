@@ -50,6 +50,7 @@ class LatencyResult:
     answered: int
     missed_deadlines: int
     late_plans: int
+    taken_late: int
     underruns: int
     violations_sent: int
     lateness: tuple[int, ...]

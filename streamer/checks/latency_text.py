@@ -75,8 +75,8 @@ def _counts(result: LatencyResult) -> Text:
     return Text(
         f"{result.scheduling} scheduling, processors {processors}, {result.load} hogs; {result.cycles} ticks, "
         f"{result.missed_deadlines} missed; {result.answered} of {result.switches} switches followed, "
-        f"{result.late_plans} plans late, {result.underruns} under-runs; {result.violations_sent} goals outside the "
-        f"envelope{memory}{_standstills(result)}"
+        f"{result.late_plans} plans late, {result.taken_late} taken a tick late, {result.underruns} under-runs; "
+        f"{result.violations_sent} goals outside the envelope{memory}{_standstills(result)}"
     )
 
 

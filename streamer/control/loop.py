@@ -149,8 +149,6 @@ class ControlLoop:
         began = self.intake.take(self.tick_count, self.ladder.state, must_stop=self.must_stop)
         if began is not None:
             self._writer.plan_began(began.ticket)
-            if began.plan.start_tick < self.tick_count:
-                self.servo.rejoin()
         self.estimator.update(self.state, self.now)
         before, fault = self.ladder.state, self.ladder.fault
         self._set_inputs(before)

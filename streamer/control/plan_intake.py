@@ -10,7 +10,7 @@ from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.telemetry import Telemetry
 
 LATEST = 1
-"""Ticks by which the plan of a target or a stop may be late and is played all the same."""
+"""Ticks by which a plan may be late and is played all the same."""
 _APART = np.radians(2.0)
 """Most that a late plan has left the one that plays, of any joint [rad]. In 147 plans for targets the joint that
 differs most was .32 degrees away one tick after the join (median; most .99), the divergent component at most 1.7 mm."""
@@ -104,7 +104,7 @@ class PlanIntake:
         return offer
 
     def _acceptable(self, offer: Offer, tick: int, state: State, must_stop: bool) -> bool:
-        """Whether a plan may be played: it resumes the plan that plays, is not late, and halts where it must."""
+        """Whether a plan may be played: it resumes the plan that plays, still joins it, and halts where it must."""
         if state not in _PLAYING:
             return False
         if offer.plan.start_tick < tick and not self._still_joins(offer, tick):

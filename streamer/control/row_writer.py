@@ -72,7 +72,8 @@ class RowWriter:
             waited = (time.perf_counter_ns() - ticket.target_ns) * 1e-9
             row.target_to_command_s[...] = waited
             if ticket.effect_row >= 0:
-                row.target_to_effect_s[...] = waited + ticket.effect_row / self._rate_hz
+                late = int(row.tick) - playing.plan.start_tick
+                row.target_to_effect_s[...] = waited + max(ticket.effect_row - late, 0) / self._rate_hz
             self._answered = None
 
     def write_state(self, tick: int, state: State, estimator: Estimator) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.streamer.control.plan_intake import LATEST
 from flexmotion.streamer.control.run_totals import (
     OF_PLANS,
     JointSums,
@@ -31,9 +32,10 @@ _FIRST_ROWS = 4096
 
 @dataclass(frozen=True)
 class PlanEvent:
-    """One plan: when it was requested and joined (ticks), and what it took to make on the wall clock [s]."""
+    """One plan: when it was requested, was to join and joined (ticks), and its time to make on the wall clock [s]."""
 
     asked_tick: int
+    start_tick: int
     join_tick: int
     sample_s: float
     retarget_s: float
@@ -171,10 +173,14 @@ class RunTrace:
         """The plans that were played in the rows kept, in order."""
         rows = self.ticks[self.ticks.plan > 0]
         _, first = np.unique(rows.plan, return_index=True)
-        return [
-            PlanEvent(int(row.asked_tick), int(row.plan_start), float(row.sample_s), float(row.retarget_s))
-            for row in map(rows.__getitem__, first)
-        ]
+        found = []
+        for row in map(rows.__getitem__, first):
+            start = int(row.plan_start)
+            late = min(max(int(row.tick) - start, 0), LATEST)  # rows of the plan before may be forgotten
+            found.append(
+                PlanEvent(int(row.asked_tick), start, start + late, float(row.sample_s), float(row.retarget_s))
+            )
+        return found
 
     @property
     def repairs(self) -> dict[str, int]:

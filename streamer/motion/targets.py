@@ -63,6 +63,10 @@ class Target:
     holds_s: float = math.inf
     take_up_s: float = math.inf
 
+    def too_late(self, age_s: float) -> bool:
+        """Whether it is too old to be followed [s]."""
+        return age_s > self.take_up_s
+
 
 NO_TARGET = Target(0, 0, Stop())
 

@@ -60,7 +60,8 @@ class MadePlans:
         Args:
             redraws: the new plan follows what the one before it did; those of a target or a stop join at once.
         """
-        resumed = self.playing_at(join, row)
+        # A plan that begins with the one that waits could not come late: by then that one plays.
+        resumed = self.playing_at(join if redraws else join + 1, row)
         current = self._plans[resumed][1] if resumed else None
         if current is not None:
             join = max(join, current.start_tick + (self._commit_ticks if redraws else 1))

@@ -96,7 +96,7 @@ class PartTargets:
         self._holding = held
         waiting, self._waiting = self._waiting, []
         for target, born_s in waiting:
-            if now_s - born_s > target.take_up_s:
+            if target.too_late(now_s - born_s):
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
                 continue
             try:

@@ -256,7 +256,7 @@ class Replanner:
         if isinstance(intent, Contact | TorqueCap) or (isinstance(intent, Relax) and intent.lifts):
             self.restrictions.take(target, born_s)
             return
-        if intent == Relax() and self.ledger.now_s() - born_s <= target.take_up_s:
+        if intent == Relax() and not target.too_late(self.ledger.now_s() - born_s):
             self.restrictions.let_all_go()
         self.parts.take(target, born_s)
 

@@ -135,7 +135,7 @@ class RestrictionTargets:
             self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
             self._keep([one for one in self._held if one.until > tick])
         for target, born_s in waiting:
-            if now_s - born_s > target.take_up_s:
+            if target.too_late(now_s - born_s):
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
                 continue
             try:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -123,3 +125,36 @@ def test_the_centre_of_pressure_stays_on_the_sole(retargeter: Retargeter, dynami
     assert zmp[0, 0] > half  # in front of the toes
     toe_lever = half + abs(retargeter.body.legs[0].sole[0])
     assert np.abs(torque[0, ankles]).max() < 0.6 * retargeter.robot.mass * GRAVITY * toe_lever
+
+
+@pytest.mark.parametrize("tendon", [False, True])
+def test_torques_are_those_of_mujoco_with_armature_springs_dampers_and_tendons(
+    retargeter: Retargeter, monkeypatch: pytest.MonkeyPatch, tendon: bool
+) -> None:
+    """Of arms and head of a robot that moves at random; a leg's torques carry planned ground forces as well."""
+    robot = retargeter.robot
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        for joint in spec.joints[1:]:
+            joint.damping, joint.stiffness, joint.armature = [0.3, 0.0, 0.0], [0.7, 0.0, 0.0], 0.01
+        if tendon:
+            wire = spec.add_tendon(name="wire", stiffness=[40.0, 0.0, 0.0], damping=[3.0, 0.0, 0.0], armature=0.01)
+            for name in ("l_sho_pitch", "r_sho_pitch"):
+                wire.wrap_joint(name, 0.5)
+
+    model = robot.compile(edit)
+    monkeypatch.setattr(robot, "compile", lambda: copy.copy(model))
+    own, random = RobotDynamics(robot, retargeter.body.legs), np.random.default_rng(0)
+    base = np.hstack([random.normal(size=(4, 3)), Rotation.random(4, rng=0).as_quat(scalar_first=True)])
+    q, qd, qdd = random.normal(size=(3, 4, robot.n)) * np.array([0.3, 1.0, 5.0])[:, None, None]
+    twist, change = random.normal(size=(2, 4, 6))
+    torque, _ = own.inverse(base, twist, change, q, qd, qdd, np.zeros((4, 2, 4)), np.full(4, 0.5))
+    upper = ~np.isin(np.arange(robot.n), own.leg_columns)
+    data, joints = mujoco.MjData(own.model), robot.dof_address[upper]
+    for row in range(4):
+        data.qpos[:7], data.qpos[robot.qpos_address] = base[row], q[row]
+        data.qvel[:6], data.qvel[robot.dof_address] = twist[row], qd[row]
+        data.qacc[:6], data.qacc[robot.dof_address] = change[row], qdd[row]
+        mujoco.mj_inverse(own.model, data)
+        np.testing.assert_allclose(torque[row, upper], data.qfrc_inverse[joints], atol=1e-9)
+    assert bool(own.model.ntendon) == tendon

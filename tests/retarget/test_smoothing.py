@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,3 +54,43 @@ def test_two_parts_equal_the_whole() -> None:
     second = FOLLOWER.follow(targets[37:], first[0][-1], first[1][-1])
     for one, head, tail in zip(whole, first, second, strict=True):
         np.testing.assert_array_equal(one, np.concatenate([head, tail]))
+
+
+def row_by_row(
+    follower: Follower, targets: np.ndarray, x: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `Follower.follow` computes, as its class describes it."""
+    rows = []
+    gain = follower.omega**2 * DT
+    divisor = 1.0 + 2.0 * follower.omega * DT + gain * DT
+    for target in targets:
+        wish = (v + gain * (target - x)) / divisor
+        bound = np.clip(wish, v - follower.acceleration * DT, v + follower.acceleration * DT)
+        v = np.clip(bound, -follower.speed, follower.speed)
+        x = x + v * DT
+        rows.append((x, v, v != bound, bound != wish))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]
+
+
+@given(
+    reach=st.floats(0.01, 8.0),
+    pace=st.floats(0.2, 20.0),
+    start=st.floats(-1.0, 1.0),
+    speed=st.floats(-6.0, 6.0),
+)
+def test_channels_at_and_beyond_their_bounds_move_as_row_by_row(
+    reach: float, pace: float, start: float, speed: float
+) -> None:
+    """Slow targets meet the speed bound alone, fast ones both, small ones none, and a start may be beyond both."""
+    targets = reach * np.sin(pace * DT * np.arange(60))[:, None] * [1.0, 0.3]
+    x, v = np.array([start, -start]), np.array([speed, 0.0])
+    for found, known in zip(FOLLOWER.follow(targets, x, v)[:2], row_by_row(FOLLOWER, targets, x, v)[:2], strict=True):
+        np.testing.assert_allclose(found, known, atol=1e-9)
+
+
+def test_active_bounds_are_told_row_by_row() -> None:
+    targets = np.sin(3.0 * DT * np.arange(300))[:, None] * [5.0, 0.5]
+    found, known = (way(targets, np.zeros(2), np.zeros(2)) for way in (FOLLOWER.follow, partial(row_by_row, FOLLOWER)))
+    for own, other in zip(found[2:], known[2:], strict=True):
+        np.testing.assert_array_equal(own, other)
+    assert found[2][:, 0].any() and found[3][:, 0].any() and not found[2][:, 1].any()
