@@ -1,0 +1,49 @@
+"""Processes that run trials: results in order, and a task that kills its process costs only itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from flexmotion.streamer.tuning.workers import Workers
+
+
+def root(task: int) -> float:
+    if task < 0:
+        os._exit(3)
+    return task**0.5
+
+
+def interrupted(task: int) -> int:
+    """A terminal's Ctrl-C, which every process of the command gets."""
+    os.kill(os.getpid(), signal.SIGINT)
+    return task
+
+
+def told(task: int) -> float:
+    return -1.0
+
+
+def test_results_come_in_the_order_of_the_tasks_and_a_dead_process_is_replaced() -> None:
+    counted: list[None] = []
+    with Workers(2) as workers:
+        assert workers.run(root, [4, 9, 16], told) == [2.0, 3.0, 4.0]
+        assert workers.run(root, [4, -1, 9], told, lambda: counted.append(None)) == [2.0, -1.0, 3.0]
+        assert len(counted) == 3
+        assert workers.run(root, [25], told) == [5.0]
+
+
+def test_an_interrupt_does_not_end_a_worker() -> None:
+    with Workers(1) as workers:
+        assert workers.run(interrupted, [1, 2], lambda task: -1) == [1, 2]
+
+
+def fails(task: int) -> float:
+    raise ValueError(f"task {task}")
+
+
+def test_an_error_of_the_function_comes_through() -> None:
+    with Workers(1) as workers, pytest.raises(ValueError, match="task 7"):
+        workers.run(fails, [7], told)
