@@ -114,7 +114,7 @@ def tunable_numbers() -> TunableNumbers:
 
 
 def choose_numbers(names: Sequence[str], robot: Robot) -> tuple[ChosenNumber, ...]:
-    """The named numbers of a robot with their bounds, in the given order.
+    """The named numbers of a robot with their bounds, in the order of `tunable.yaml`.
 
     Raises:
         ConfigError: a name is unknown, given twice or not to be tuned, or the robot file lacks the number or has one
@@ -124,7 +124,8 @@ def choose_numbers(names: Sequence[str], robot: Robot) -> tuple[ChosenNumber, ..
         raise ConfigError(f"no numbers to tune, expected some of: {', '.join(tunable_numbers().numbers)}")
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
         raise ConfigError(f"number {twice[0]} is given twice")
-    return tuple(_chosen(name, robot) for name in names)
+    chosen = {name: _chosen(name, robot) for name in names}
+    return tuple(chosen[name] for name in tunable_numbers().numbers if name in chosen)
 
 
 def _chosen(name: str, robot: Robot) -> ChosenNumber:

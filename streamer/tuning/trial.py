@@ -13,9 +13,10 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.configs.yaml_numbers import Place
 from flexmotion.drivers.sim.options import standard_options
+from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.spatial.heading import continuous_heading
-from flexmotion.streamer.api import open_driver, open_sampler, open_session, open_source
+from flexmotion.streamer.api import load_motion, open_driver, open_sampler, open_session, open_source
 from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
@@ -101,7 +102,7 @@ def source_of(clip: TuningClip, robot: Robot, seed: int, *, slowed: bool = True)
     """
     first = clip.items[0].intent
     if isinstance(first, Clip):
-        followed = first if clip.sort == "clip" else clip.items
+        followed = _motion(first.name) if clip.sort == "clip" else clip.items
         found = open_source(robot, followed, name=clip.name, seconds=clip.seconds)
         assert isinstance(found, Performance)
         return found
@@ -121,6 +122,12 @@ def _asked(question: Question) -> AskedWay:
     way = float(np.linalg.norm(human.root_position[-1, :2] - human.root_position[0, :2]))
     straight = float(np.abs(yaw - yaw[0]).max()) < TURN_RAD
     return AskedWay(way_m=way if straight and way >= WAY_M else None)
+
+
+@lru_cache(maxsize=32)
+def _motion(file: str) -> Motion:
+    """The motion in a file, read once a process."""
+    return load_motion(file)
 
 
 @lru_cache(maxsize=1)

@@ -81,6 +81,10 @@ def test_a_wrong_name_says_what_would_be_valid(names: list[str], told: str) -> N
     assert told in str(caught.value)
 
 
+def test_the_order_of_names_does_not_matter() -> None:
+    assert choose_numbers(NAMES[::-1], OP3) == CHOSEN
+
+
 def test_a_number_that_the_file_lacks_needs_a_start(tmp_path: Path) -> None:
     pace = next(line for line in TEXT.splitlines() if line.strip().startswith("pace:"))
     robot = edited(tmp_path, pace, "")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
+import threading
+from pathlib import Path
 
 import pytest
 
@@ -47,3 +50,23 @@ def fails(task: int) -> float:
 def test_an_error_of_the_function_comes_through() -> None:
     with Workers(1) as workers, pytest.raises(ValueError, match="task 7"):
         workers.run(fails, [7], told)
+
+
+def interrupts_the_parent(task: int) -> int:
+    os.kill(os.getppid(), signal.SIGINT)
+    tempfile.mkdtemp()
+    threading.Event().wait()  # for ever
+    return task
+
+
+def test_an_interrupt_of_the_parent_ends_all_runs_and_leaves_no_files(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The runs would never end by themselves, nor would the tasks that wait for a process."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with Workers(1) as workers:
+        with pytest.raises(KeyboardInterrupt):
+            workers.run(interrupts_the_parent, [1, 2, 3], lambda task: -1)
+        assert list(tmp_path.iterdir()) == []
+        assert workers.run(root, [4], told) == [2.0]
+    assert list(tmp_path.iterdir()) == []
