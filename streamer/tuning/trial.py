@@ -20,6 +20,7 @@ from flexmotion.streamer.api import load_motion, open_driver, open_sampler, open
 from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.outcome import outcome
 from flexmotion.streamer.report.likeness import TURN_RAD, WAY_M
@@ -102,7 +103,7 @@ def source_of(clip: TuningClip, robot: Robot, seed: int, *, slowed: bool = True)
     """
     first = clip.items[0].intent
     if isinstance(first, Clip):
-        followed = _motion(first.name) if clip.sort == "clip" else clip.items
+        followed: Motion | tuple[Item, ...] = _motion(first.name) if clip.sort == "clip" else clip.items
         found = open_source(robot, followed, name=clip.name, seconds=clip.seconds)
         assert isinstance(found, Performance)
         return found
