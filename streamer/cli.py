@@ -34,6 +34,7 @@ from flexmotion.streamer.commands.options import MIRROR_ADDRESS
 from flexmotion.streamer.commands.personalize import personalize
 from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
+from flexmotion.streamer.commands.robots_tune import tune
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.send import arm, clear, disarm, estop, kill, send, status, stop
 from flexmotion.streamer.commands.servo import servo
@@ -76,7 +77,8 @@ app.add_typer(train, name="train")
 app.command("personalize")(personalize)
 app.command("evaluate")(evaluate)
 app.command("export")(export)
-app.command("robots")(robots)
+robots.command("tune")(tune)
+app.add_typer(robots, name="robots")
 app.command("bundles")(bundles)
 app.command("drivers")(drivers)
 

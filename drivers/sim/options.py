@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -128,3 +128,8 @@ PERTURBED = SimOptions(
     random_pushes=RandomPushes(every_s=3.0, impulse=0.2),
 )
 """The mismatch of robustness tests."""
+
+
+def standard_options(perturbed: bool) -> dict[str, Any]:
+    """Options of driver `sim` by name: those of `PERTURBED`, or none."""
+    return PERTURBED.model_dump(mode="json", exclude_unset=True) if perturbed else {}

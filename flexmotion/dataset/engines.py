@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
@@ -12,6 +11,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.parts import compute
 from flexmotion.dataset.settings import BuildSettings
+from flexmotion.worker_process import begin_worker, limit_threads
 
 Result = tuple[int, bytes]
 """Index of a clip in the request, and its part."""
@@ -25,33 +25,14 @@ def here(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterat
         yield number, compute(clip, settings)
 
 
-def _limit_threads() -> None:
-    """Limit to one thread: there is a process per core."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"
-
-
-def _begin_worker() -> None:
-    _limit_threads()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End with the parent: a killed parent cannot stop its workers, which would wait for work forever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
-
-
 def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
     """Compute on the cores of this machine; yields parts as they finish."""
     if workers <= 1:
         yield from here(clips, settings, workers)
         return
-    _limit_threads()
+    limit_threads()
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker) as pool:
         futures = {pool.submit(compute, clip, settings): number for number, clip in enumerate(clips)}
         try:
             for future in as_completed(futures):

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 import yaml
 
-from flexmotion.drivers.sim.options import PERTURBED
+from flexmotion.drivers.sim.options import standard_options
 
 
 def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
@@ -29,5 +29,4 @@ def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
 
 def simulation_options(perturbed: bool, pairs: Sequence[str]) -> dict[str, Any]:
     """Options of driver `sim`: the standard perturbations if `perturbed`, overridden by single ones."""
-    standard = PERTURBED.model_dump(mode="json", exclude_unset=True) if perturbed else {}
-    return standard | parse_options(pairs)
+    return standard_options(perturbed) | parse_options(pairs)

@@ -1,4 +1,4 @@
-"""`flexmotion robots`: the robots that come with the project, or one of your own."""
+"""`flexmotion robots`: the robots that come with the project, or one of your own; `robots tune` is `robots_tune.py`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from flexmotion.streamer.commands.default_command import with_default
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_result
 
@@ -17,14 +18,32 @@ if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
 
 
-def robots(
+robots = typer.Typer(cls=with_default("show"))
+
+
+@robots.callback()
+def _robots() -> None:
+    """List the robots that come with the project, check one of your own, or tune its numbers.
+
+    [bold]Examples[/bold]
+
+      flexmotion robots
+
+      flexmotion robots ./my_robot
+
+      flexmotion robots tune ./my_robot -o tuned --numbers gait.clearance,gait.double_support_min_s
+    """
+
+
+@robots.command()
+def show(
     robot: Annotated[
         str | None,
         typer.Argument(help="Check one robot, by name or folder, and list its joints.", show_default=False),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the robots that come with the project, or check one of your own.
+    """List the robots that come with the project, or check one; `show` may be left out.
 
     [bold]Examples[/bold]
 

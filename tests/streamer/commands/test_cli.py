@@ -31,7 +31,7 @@ from flexmotion.streamer.run.requests import Request
 
 COMMANDS = [
     *("dry-run", "run", "send", "status", "arm", "disarm", "stop", "estop", "clear", "kill"),
-    *("retarget", "check torque", "robots", "drivers"),
+    *("retarget", "check torque", "robots", "robots tune", "drivers"),
 ]
 
 
