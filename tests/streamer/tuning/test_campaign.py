@@ -65,7 +65,10 @@ def test_more_generations_go_on(plan: Plans, tmp_path: Path) -> None:
     [
         ({"seed": 4}, "seed (3; here 4)"),
         ({"population": 6}, "population (5; here 6)"),
-        ({"numbers": ("gait.clearance",)}, "numbers (gait.clearance 0.01015 to 0.03045, gait.double_support_min_s"),
+        (
+            {"numbers": ("gait.clearance",)},
+            "gait.clearance 0.01015 to 0.03045; here gait.clearance 0.01015 to 0.03045)",
+        ),
         ({"clips": "third.yaml"}, "clips (walking: velocity 0.5, 0, 0 2 s"),
     ],
 )
