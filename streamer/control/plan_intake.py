@@ -23,9 +23,8 @@ _PLAYING = (*_STANDING, State.STREAMING)
 class PlanIntake:
     """Examines every plan once; where the robot must stop only plans that stop are played.
 
-    A plan that comes one tick after its start is played from its second row on, where that is hardly elsewhere than the
-    plan that plays; any other late plan is refused. The planner can therefore count on the usual time of a plan instead
-    of the longest.
+    A plan that comes up to `LATEST` ticks after its start is played from that row on, where it is hardly elsewhere than
+    the plan that plays; any other late plan is refused.
 
     Args:
         plans: buffer that the planner publishes to.
