@@ -62,8 +62,8 @@ _MARGIN = 1.15
 class MeasuredLead:
     """The times that the last plans of each kind took.
 
-    A plan joins as early as a percentile of the times after sampling permits; that of a target or a stop
-    `LATEST` ticks earlier, by which the loop still takes it late, but not before the median. Sampling is counted by its median first,
+    A plan joins as early as a percentile of the times after sampling permits; that of a target or a stop `LATEST` ticks
+    earlier, by which the loop still takes it late, but not before the median. Sampling is counted by its median first,
     and by what it took once it is done: slow sampling, or words that were read for the first time, put a plan off, and
     do not make it late.
 
