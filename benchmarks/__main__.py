@@ -11,6 +11,7 @@ from rich.table import Table
 from benchmarks.catalogue import CATALOGUE, find
 from benchmarks.command import run
 from benchmarks.results import kept
+from benchmarks.shared.program import end_on_terminate
 from benchmarks.tables import main as tables
 from flexmotion.configs.errors import FlexMotionError
 
@@ -52,6 +53,7 @@ def main(arguments: Sequence[str]) -> int:
             case ["tables", *options]:
                 return tables(options)
             case [name, *options]:
+                end_on_terminate()
                 run(find(name), options)
     except FlexMotionError as error:
         print(f"python -m benchmarks: {error}", file=sys.stderr)

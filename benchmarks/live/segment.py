@@ -22,6 +22,7 @@ from benchmarks.live.figures import Fall, SegmentFigures
 from benchmarks.live.senders import Sender, merged, three
 from benchmarks.shared.lines import Lines
 from benchmarks.shared.memory import of_family, of_process
+from benchmarks.shared.program import end_on_terminate
 from benchmarks.shared.served_run import ServedRun, served_run
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import load_robot
@@ -248,10 +249,10 @@ def _follow(found: SegmentFigures, run: ServedRun, lines: Lines, seconds: float,
         # Another sender may take the lease in between: then it is asked again.
         status = run.status()
         if falls.see(status.get("state"), now(), status.get("cause")):
-            client = run.client("soak")
-            for ask in (client.take, client.clear, client.arm):
-                ask()
-            client.close()
+            with run.client("soak") as client:
+                answers = [(ask.__name__, ask()) for ask in (client.take, client.clear, client.arm)]
+            told = ", ".join(f"{name} {answer.state} {answer.reason or ''}".strip() for name, answer in answers)
+            print(f"{now():.0f} s, armed again in {status['state']}: {told}", file=sys.stderr, flush=True)
         if now() >= sampled_s:
             sampled_s = now() + _SAMPLE_S
             for name, (resident, private) in of_family(run.process.pid).items():
@@ -292,6 +293,7 @@ def _tell(now_s: float, seconds: float, targets: int) -> None:
 
 def measure() -> None:
     """Run a segment."""
+    end_on_terminate()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clock", choices=("lockstep", "real"))
     parser.add_argument("--seconds", type=float, required=True)

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from benchmarks.live.figures import SegmentFigures, total
 from benchmarks.shared.outcome import Outcome, Verdict
+from benchmarks.shared.program import started
 from flexmotion.configs.errors import ConfigError, DriverError
 
 MOST_GROWTH_MB = 1.0
@@ -54,10 +55,11 @@ def run_segment(arguments: list[str], interval_s: float) -> SegmentFigures:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "benchmarks.live.segment", *arguments]
         command += ["--interval-s", str(interval_s), "--folder", folder]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
-    lines = done.stdout.strip().splitlines()
-    if done.returncode or not lines:
-        raise DriverError(f"segment {' '.join(arguments)}: exit code {done.returncode}")
+        with started(command, stdout=subprocess.PIPE, text=True) as segment:
+            printed, _ = segment.communicate()
+    lines = printed.strip().splitlines()
+    if segment.returncode or not lines:
+        raise DriverError(f"segment {' '.join(arguments)}: exit code {segment.returncode}")
     return SegmentFigures.model_validate_json(lines[-1])
 
 

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.program import started
 from flexmotion.configs.errors import DriverError
 
 LIMIT_S = 5.5
@@ -49,7 +50,7 @@ def stop(moment_s: float) -> Stop:
         DriverError: the run ended before the signal, or otherwise than by it.
     """
     command = [sys.executable, "-m", "flexmotion.streamer", "run", "-r", "op3", "-d", "sim", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0) as run:
+    with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         wait_for(run, "READY -> STREAMING")
         time.sleep(moment_s)
         begin = time.monotonic()

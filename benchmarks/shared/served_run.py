@@ -15,6 +15,7 @@ from typing import IO, Any
 import psutil
 
 from benchmarks.shared.lines import Lines
+from benchmarks.shared.program import started
 from flexmotion.configs.errors import DriverError, GatewayError
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.ports import any_free
@@ -131,24 +132,16 @@ def served_run(*options: str, lines: bool = False, program: Sequence[str] = PROG
     command = [*program, "dry-run", "--web", "--json", "--allow-refused"]
     command += ["--web-port", str(port), "--stop-port", str(stop_port), *(["--stdin"] if lines else []), *options]
     pipe = subprocess.PIPE if lines else None
-    # Files, since nobody reads pipes meanwhile. A group of its own: a terminal's Ctrl-C reaches the benchmark alone.
+    # Files, since nobody reads pipes meanwhile.
     with (
         tempfile.TemporaryFile("w+") as out,
         tempfile.TemporaryFile("w+") as notes,
-        subprocess.Popen(command, stdin=pipe, stdout=pipe or out, stderr=notes, process_group=0) as process,
+        started(command, stdin=pipe, stdout=pipe or out, stderr=notes) as process,
     ):
-        try:
-            run = ServedRun(process, (port, stop_port), out, notes)
-            if process.stdin is not None and process.stdout is not None:
-                run.lines = Lines(process.stdin, process.stdout)
-            run.wait_until_it_follows()
-            yield run
-            if not hasattr(run, "report"):
-                run.end()
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-                try:
-                    process.wait(_ENDED_S)
-                except subprocess.TimeoutExpired:
-                    process.kill()  # its children end with it
+        run = ServedRun(process, (port, stop_port), out, notes)
+        if process.stdin is not None and process.stdout is not None:
+            run.lines = Lines(process.stdin, process.stdout)
+        run.wait_until_it_follows()
+        yield run
+        if not hasattr(run, "report"):
+            run.end()

@@ -69,6 +69,16 @@ def middle(run: StandIn, element: str) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+def hold_the_stick_ahead(run: StandIn) -> None:
+    """Press it with the mouse, and wait for what it sends; `run.page.mouse.up()` lets it go."""
+    x, y = middle(run, "#stick")
+    mouse = run.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x, y - 60)
+    run.until(lambda: run.asked, "a velocity")
+
+
 def layout(run: StandIn) -> list[Any]:
     return [run.page.locator(one).bounding_box() for one in (".stage", "#prompt", "#stick", "#theme")]
 
@@ -236,11 +246,7 @@ def test_the_answer_is_seen_on_a_phone_that_is_held_across(run: StandIn) -> None
 def test_a_stick_that_is_held_is_never_replaced(run: StandIn) -> None:
     """Of ten velocities a second many are replaced by the next; the history said so while the robot walked."""
     page = run.page
-    x, y = middle(run, "#stick")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y - 60)
-    run.until(lambda: run.asked, "a velocity")
+    hold_the_stick_ahead(run)
     run.heard(21, "velocity [0.5, 0.0, 0.0]", "superseded", reason="a newer target came before a plan followed it")
     run.heard(22, "velocity [0.5, 0.0, 0.0]", "accepted", heard_as="velocity", at_s=30.0, reason="goes on as before")
     following = {"source": run.asked[-1]["source"], "asked": {"velocity": [0.5, 0.0, 0.0]}, "target": 22}
@@ -316,11 +322,7 @@ def test_a_note_of_the_run_covers_nothing(run: StandIn) -> None:
 def test_a_stick_that_a_stop_takes_away_sends_nothing_more(run: StandIn) -> None:
     """After every STOP with a held stick the history read "stop / refused": it sent the stand of a stick let go."""
     page = run.page
-    x, y = middle(run, "#stick")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y - 60)
-    run.until(lambda: run.asked, "a velocity")
+    hold_the_stick_ahead(run)
     run.status("STREAMING", must_stop=True)
     run.until(lambda: page.inner_text("#state") == "stopping", "the state")
     run.asked.clear()
@@ -385,11 +387,7 @@ def test_a_robot_that_was_armed_stands_before_its_first_target(run: StandIn) -> 
 def test_velocities_that_came_too_late_are_one_line(run: StandIn) -> None:
     """In a slow browser the messages filled with "target 233 is over after 0.5 s: coming to a stand"."""
     page = run.page
-    x, y = middle(run, "#stick")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y - 60)
-    run.until(lambda: run.asked, "a velocity")
+    hold_the_stick_ahead(run)
     for number in (233, 234, 235):
         run.event("note", f"target {number} is over after 0.5 s: coming to a stand")
     run.until(lambda: "3 times" in (page.text_content("#events") or ""), "the messages")
