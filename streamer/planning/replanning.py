@@ -276,17 +276,17 @@ class Replanner:
         self.planner.plan(0, None)
 
     def succeed(self) -> None:
-        """Called in a new process: where another one has made plans before, and died, go on from the one that plays."""
-        self._succeeds = self.plans.newest_id > 0
-        if self._succeeds and self._heard is not None:
+        """Called in a new process where another one died: go on from the plan that plays, or stand until a target."""
+        self._succeeds = True
+        if self._heard is not None:
             self.ledger.drop_old(self._heard.answered(), "the planner was started again; send it again")
 
     def _take_over(self, row: TickRow, tick: int) -> bool:
         """Take over from a planner that died, once the robot stands; returns whether that is done.
 
         The pose is that of the plan that plays, at its end. The human of that planner is lost: the next one begins from
-        a stand, wherever the robot is. Until a new target arrives the robot stands, also where no plan plays any more:
-        plans were made before, and what the run was started with does not begin again.
+        a stand, wherever the robot is. Until a new target arrives the robot stands, also where no plan plays: what the
+        run was started with does not begin by itself after a failure, though no plan was made for it yet.
         """
         self.ledger.take(tick)
         reason = "the planner was started again, and the robot does not stand yet"

@@ -98,4 +98,4 @@ class PlannerGuard:
         # It is told again that the planner runs, once the new one does.
         self._silent = self._started > 0
         self._started += 1
-        return child.start("planner", planner_process.serve, *self._given)
+        return child.start("planner", planner_process.serve, *self._given, self._started > 1)

@@ -54,19 +54,26 @@ class Heartbeat:
 
 
 def serve(
-    replanner: Replanner, ticks: Ring, rate_hz: float, requests: RequestChannel, heartbeat: Heartbeat, realtime: bool
+    replanner: Replanner,
+    ticks: Ring,
+    rate_hz: float,
+    requests: RequestChannel,
+    heartbeat: Heartbeat,
+    realtime: bool,
+    succeeds: bool,
 ) -> None:
     """Plan until this process is ended, or until source or retargeter fail.
 
-    Where plans were made before, by a process that died, it goes on from the one that plays.
 
     Args:
         ticks: the loop's rows.
         requests: is sent a FAULT when planning fails.
         realtime: whether to ask for realtime scheduling.
+        succeeds: another process planned before, and died: this one goes on from the plan that plays, or from a stand.
     """
     try:
-        replanner.succeed()
+        if succeeds:
+            replanner.succeed()
         replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)

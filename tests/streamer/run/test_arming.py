@@ -236,10 +236,9 @@ def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
     ]
 
 
-def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Started again in FAULT, it planned what the run was started with as soon as the robot was armed and stood."""
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Replanner]:
+    """The replanners of the runs that follow."""
     made: list[Replanner] = []
     make = RunParts.replanner
 
@@ -248,6 +247,28 @@ def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself
         return made[-1]
 
     monkeypatch.setattr(RunParts, "replanner", kept)
+    return made
+
+
+def test_a_planner_that_died_before_the_first_plan_leaves_a_run_that_begins_nothing_by_itself(
+    made: list[Replanner],
+) -> None:
+    """No plan was made yet: the planner that was started again did what the run was started with, after a stop too."""
+    run = Attended()
+    with run.session as session:
+        session.advance(0.1)
+        (replanner,) = made
+        replanner.succeed()
+        run.ask(Request.ARM)
+        run.until(lambda: session.telemetry.ticks.latest()["ready"], "the robot to stand")
+        session.advance(1.0)
+        assert session.state.ladder is State.READY
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        session.finish()
+
+
+def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(made: list[Replanner]) -> None:
+    """Started again in FAULT, it planned what the run was started with as soon as the robot was armed and stood."""
     run = Attended(picked_up_s=1.0)  # a robot without torque tips over
     with run.session as session:
         run.ask(Request.ARM)
