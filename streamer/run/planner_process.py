@@ -64,7 +64,6 @@ def serve(
 ) -> None:
     """Plan until this process is ended, or until source or retargeter fail.
 
-
     Args:
         ticks: the loop's rows.
         requests: is sent a FAULT when planning fails.
