@@ -9,9 +9,8 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.telemetry import Telemetry
 
-LATEST = 0
-"""Ticks by which a plan may be late and is played all the same. With 1 a target becomes a command 5 ms sooner; it waits
-for the cause of one fall in 30 minutes on the wall clock (docs/decisions.md)."""
+LATEST = 1
+"""Ticks by which a plan may be late and is played all the same (docs/decisions.md)."""
 _APART = np.radians(2.0)
 """Most that a late plan has left the one that plays, of any joint [rad]. In 147 plans for targets the joint that
 differs most was .32 degrees away one tick after the join (median; most .99), the divergent component at most 1.7 mm."""

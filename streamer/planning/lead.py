@@ -57,15 +57,17 @@ _SHARE = 95
 """Percentile of their times that a plan has after its motion is sampled; one in twenty would come late without the
 margin."""
 _MARGIN = 1.15
+_SOONEST = 10
+"""Percentile of the times before which no plan joins: nothing is gained where hardly any is ready."""
 
 
 class MeasuredLead:
     """The times that the last plans of each kind took.
 
-    A plan joins as early as a percentile of the times after sampling permits; that of a target or a stop `LATEST` ticks
-    earlier, by which the loop still takes it late, but not before the median. Sampling is counted by its median first,
-    and by what it took once it is done: slow sampling, or words that were read for the first time, put a plan off, and
-    do not make it late.
+    A plan joins as early as a high percentile of the times after sampling permits; that of a target or a stop `LATEST`
+    ticks earlier, by which the loop still takes it late, but not before a low percentile, where nothing would be ready.
+    Sampling is counted by its median first, and by what it took once it is done: slow sampling, or words that were read
+    for the first time, put a plan off, and do not make it late.
 
     Args:
         rate_hz: ticks a second.
@@ -84,7 +86,7 @@ class MeasuredLead:
         rest = self._rest[kind] or (self._at_first[kind],)
         rest_s = _MARGIN * float(np.percentile(rest, _SHARE))
         if kind is not Kind.WHOLE:
-            rest_s = max(rest_s - LATEST / self._rate, float(np.median(rest)))
+            rest_s = max(rest_s - LATEST / self._rate, float(np.percentile(rest, _SOONEST)))
         if spent_s is None:
             sampling = self._sampling[kind]
             spent_s = float(np.median(sampling)) if sampling else 0.0

@@ -17,7 +17,6 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.spatial.transitions import minimum_jerk
-from flexmotion.streamer.control import plan_intake
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
@@ -284,12 +283,10 @@ def test_a_plan_that_comes_a_tick_late_goes_on_as_if_on_time(
     loop: ControlLoop,
     run: Callable[..., None],
     retargeter: Retargeter,
-    monkeypatch: pytest.MonkeyPatch,
     late: int,
     played: bool,
 ) -> None:
     """It was made again and joined 30 ms later. Begun at the goals before, a moving arm stood still for a tick."""
-    monkeypatch.setattr(plan_intake, "LATEST", 1)
     first = offer(loop, soft_plan(loop.robot, retargeter, loop.tick_count, 1.0, lifts=-1.4))
     run(70)
     joint = loop.robot.index("l_sho_pitch")
