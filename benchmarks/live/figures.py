@@ -33,6 +33,8 @@ class SegmentFigures(BaseModel):
         falls: the run went on after each.
         violations: goals outside the envelope that were sent.
         missed: ticks that were not done in time; of a segment on the wall clock.
+        robot_late_ms: most by which the simulated robot was late [ms]: a machine that has no time for it makes it fall,
+            and counts goals against a robot that stood still meanwhile.
         sent: targets by transport.
         states: their answers by state.
         memory: of each process, by its name.
@@ -49,6 +51,7 @@ class SegmentFigures(BaseModel):
     falls: list[Fall] = []
     violations: int = 0
     missed: int = 0
+    robot_late_ms: float = 0.0
     sent: dict[str, int] = {}
     states: dict[str, int] = {}
     memory: dict[str, list[Sample]] = {}

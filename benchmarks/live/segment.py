@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,11 @@ from flexmotion.configs.stream import LogParts, StreamSettings, load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.start_check import gets_up_from
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.connection import PATIENCE_S
-from flexmotion.streamer.gateway.messages import decode, intent_of
+from flexmotion.streamer.gateway.messages import Answer, decode, intent_of
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.parts import later_parts
@@ -157,11 +160,18 @@ class _Lockstep:
             assert session.loop is not None
             if falls.see(session.state.ladder.name, now(), session.loop.ladder.fault) and now() >= armed_s:
                 armed_s = now() + _AGAIN_S
-                session.ask(Request.CLEAR if session.state.ladder is State.FAULT else Request.ARM)
+                session.ask(self._again())
             if now() >= sampled_s:
                 sampled_s = now() + _SAMPLE_S
                 memory.append((now(), *of_process(os.getpid())))
                 _tell(now(), seconds, sum(self.found.sent.values()) + sum(sender.sent for sender in senders))
+
+    def _again(self) -> Request:
+        """What leads a robot without torque back to following."""
+        row = self.session.telemetry.ticks.latest()
+        if row is not None and gets_up_from(self.session.robot, TickRow(row)) is not None:
+            return Request.GET_UP
+        return Request.CLEAR if self.session.state.ladder is State.FAULT else Request.ARM
 
 
 def _wait_until_it_listens(port: int) -> None:
@@ -227,6 +237,7 @@ def wall_clock(seconds: float, seed: int, interval_s: float, log: Path) -> Segme
     found.exit_code = run.process.returncode
     found.violations = run.report["limits"]["violations_sent"]
     found.missed = run.report["loop"]["missed_deadlines"]
+    found.robot_late_ms = 1e-3 * run.report["loop"]["robot_lateness_us"]["max"]
     found.seconds = run.report["duration_s"]
     _read_parts(found, log)
     return found
@@ -250,7 +261,12 @@ def _follow(found: SegmentFigures, run: ServedRun, lines: Lines, seconds: float,
         status = run.status()
         if falls.see(status.get("state"), now(), status.get("cause")):
             with run.client("soak") as client:
-                answers = [(ask.__name__, ask()) for ask in (client.take, client.clear, client.arm)]
+                asks: dict[str, Callable[[], Answer]] = {"take": client.take}
+                if status.get("gets_up_from") is not None:
+                    asks["get up"] = partial(client.clear, get_up=True)
+                else:
+                    asks |= {"clear": client.clear, "arm": client.arm}
+                answers = [(name, ask()) for name, ask in asks.items()]
             told = ", ".join(f"{name} {answer.state} {answer.reason or ''}".strip() for name, answer in answers)
             print(f"{now():.0f} s, armed again in {status['state']}: {told}", file=sys.stderr, flush=True)
         if now() >= sampled_s:

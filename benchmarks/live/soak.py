@@ -104,11 +104,13 @@ def main(
 
 
 def _show(found: list[SegmentFigures]) -> None:
-    table = Table("clock", "targets", "min", "falls", "violations", "missed", "MB in 10 min: most", "parts")
+    table = Table(
+        "clock", "targets", "min", "falls", "violations", "missed", "robot late ms", "MB in 10 min: most", "parts"
+    )
     for one in found:
         worst = max(one.growths.items(), key=lambda own: own[1].private_mb, default=None)
         growth = "too short" if worst is None else f"{worst[0]} {worst[1].private_mb:.2f}"
-        counts = (len(one.falls), one.violations, one.missed)
+        counts = (len(one.falls), one.violations, one.missed, f"{one.robot_late_ms:.0f} ms")
         sent = str(sum(one.sent.values()))
         kind = one.clock if one.targets else f"{one.clock}, without transports"
         table.add_row(kind, sent, f"{one.seconds / 60:.1f}", *map(str, counts), growth, str(one.parts))
