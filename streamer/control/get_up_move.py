@@ -56,11 +56,11 @@ class GetUpMove:
         self._hold_ticks = self._move_ticks + round(step.hold_s * rate)
         self._wait_ticks = self._hold_ticks + round(step.wait_s * rate)
 
-    def step(self, reference: Reference, tilt: Float) -> None:
+    def step(self, reference: Reference, tilt: Float | None) -> None:
         """Fill `reference` for this tick and advance one tick.
 
         Args:
-            tilt: measured roll and pitch of the torso, (2,) [rad].
+            tilt: measured roll and pitch of the torso, (2,) [rad]; None while the IMU is silent: no step ends by it.
         """
         if self._tick >= self._hold_ticks and not self.done:
             self._judge(tilt)
@@ -73,9 +73,14 @@ class GetUpMove:
         reference.balanced = False
         self._tick += 1
 
-    def _judge(self, tilt: Float) -> None:
+    def _judge(self, tilt: Float | None) -> None:
         """Go on with the next step, wait, or give up."""
-        step, (pitch, lean) = self._steps[self._number], pitch_and_lean(tilt)
+        step = self._steps[self._number]
+        if tilt is None:
+            if self._tick >= self._wait_ticks:
+                self.failed = f"{self._where(step)} the IMU is silent: it is not known how the robot lies"
+            return
+        pitch, lean = pitch_and_lean(tilt)
         upright = step.pitch[0] <= pitch <= step.pitch[1] and abs(lean) <= SIDE_RAD
         if upright and self._number + 1 == len(self._steps):
             self.done = True
@@ -84,8 +89,11 @@ class GetUpMove:
         elif self._tick >= self._wait_ticks:
             self.failed = self._why(step, pitch, lean)
 
+    def _where(self, step: GetUpStep) -> str:
+        return f"after step {self._number + 1} of {len(self._steps)} ({step.name})"
+
     def _why(self, step: GetUpStep, pitch: float, lean: float) -> str:
-        where = f"after step {self._number + 1} of {len(self._steps)} ({step.name})"
+        where = self._where(step)
         if abs(lean) > SIDE_RAD:
             return f"{where} it leans to its side by {math.degrees(abs(lean)):.0f}°"
         low, high = (math.degrees(bound) for bound in step.pitch)

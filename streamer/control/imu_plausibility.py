@@ -26,13 +26,18 @@ The foot of a walking robot strikes with up to 4 g."""
 MEAN_S, MEAN_ERROR = 0.5, 0.6 * GRAVITY
 """Over this time [s] the mean specific force is gravity to within this [m/s²], also of a robot that topples over."""
 
+REST_S, REST_TURN, REST_FORCE = 0.1, 0.5, 0.15 * GRAVITY
+"""A torso is at rest that turns by no more than this [rad/s] while the specific force is gravity, and does not change,
+to within this [m/s²], for this time [s]. The accelerometer confirms a gyro that says so."""
+
 
 class ImuPlausibility:
     """Checks samples in place; allocates nothing that grows.
 
     A wrong value is replaced by the one before. If it goes on for more reads than a servo may be silent, the IMU counts
     as silent (`imu_stale`). Nothing of this delays the detection of a fall: a robot that topples over stays within
-    these limits, and an impact is believed at once.
+    these limits, and an impact is believed at once. One that the accelerometer missed, whose peak fell between two
+    samples, leaves a gyro that is right and not believed: it is again once the torso is at rest.
 
     Args:
         suspicion: counts the wrong samples.
@@ -51,6 +56,7 @@ class ImuPlausibility:
         self._last_accel, self._mean = [math.nan] * 3, [math.nan] * 3
         self._turn_of = FALL_STEPS / height / robot.rate_hz  # by a change of the specific force [rad/s by m/s²]
         self._since, self._shaken, self._unread, self._impact = 0.0, 0, 0, 0.0
+        self._rested, self._held = 0.0, False  # time at rest [s]; whether the last gyro sample was not believed
 
     def check(self, state: RobotState, elapsed: float, *, powered: bool = True) -> None:
         """Check one sample.
@@ -86,7 +92,11 @@ class ImuPlausibility:
             self._impact = 0.0
         if change > IMPACT:
             self._shaken, self._impact = IMPACT_TICKS, max(self._impact, change)
-        wrong = some(self._gyro.take(state.gyro, gap, self._turn_of * self._impact))
+        self._rested = self._rested + gap * self._period if _rests(state.gyro.tolist(), accel, change) else 0.0
+        if self._held and self._rested >= REST_S:
+            self._gyro.forget()
+            self._suspicion.reset()
+        self._held = wrong = some(self._gyro.take(state.gyro, gap, self._turn_of * self._impact))
         wrong |= some(self._accel.take(state.accel, gap))
         wrong |= self._no_gravity(state, gap)
         if not wrong and not self._suspicion.raised:
@@ -103,3 +113,9 @@ class ImuPlausibility:
             self._mean = accel
         self._mean = [mean + follows * (now - mean) for now, mean in zip(accel, self._mean, strict=True)]
         return abs(math.hypot(*self._mean) - GRAVITY) > MEAN_ERROR
+
+
+def _rests(gyro: list[float], accel: list[float], change: float) -> bool:
+    """Whether a sample is one of a torso at rest; `change`: of the specific force since the sample before."""
+    still = max(map(abs, gyro)) < REST_TURN and change < REST_FORCE
+    return still and abs(math.hypot(*accel) - GRAVITY) < REST_FORCE

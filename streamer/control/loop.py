@@ -360,7 +360,7 @@ class ControlLoop:
             return
         plan = self.intake.plan if playback is Playback.PLAN else None
         if playback is Playback.GET_UP:
-            self.get_up.step(self.now, self.estimator.tilt)
+            self.get_up.step(self.now, self.estimator.tilt if self.estimator.has_imu else None)
             self.ahead.copy(self.now)
         elif plan is not None:
             place = float(self.tick_count - plan.start_tick)

@@ -57,6 +57,22 @@ def test_a_step_waits_for_the_torso_and_then_gives_up(op3: Robot) -> None:
     assert move.failed == "after step 1 of 9 (spread the arms) the torso is pitched by 0°, expected -109° to -74°"
 
 
+@pytest.mark.parametrize("number", [0, 6])
+def test_no_step_ends_by_a_tilt_that_is_not_measured(op3: Robot, number: int) -> None:
+    """While its IMU was silent a robot that lay was judged by the tilt of its reference: upright, and up."""
+    move, reference = GetUpMove(op3), Reference(op3.n)
+    steps = op3.get_up.steps["front"]
+    move.begin(steps[0].q.copy(), steps)
+    while move._number < number:
+        move.step(reference, middle(move))
+    while move.failed is None:
+        move.step(reference, None)
+        assert not move.done and move._number == number
+    assert move.failed == (
+        f"after step {number + 1} of 7 ({steps[number].name}) the IMU is silent: it is not known how the robot lies"
+    )
+
+
 def test_a_robot_that_rolls_onto_its_side_gives_up(op3: Robot) -> None:
     move, reference = GetUpMove(op3), Reference(op3.n)
     move.begin(op3.get_up.steps["front"][0].q.copy(), op3.get_up.steps["front"])

@@ -11,6 +11,7 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.interface import RobotState
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.believed import Suspicion
+from flexmotion.streamer.control.imu_plausibility import REST_S
 from flexmotion.streamer.control.plausibility import KINDS, Plausibility
 
 KNEE = 11
@@ -261,6 +262,32 @@ def test_a_gyro_that_was_frozen_is_believed_again_once_torque_is_off(watched: Wa
     for _ in range(300):
         watched.read(powered=False)
     assert watched.state.gyro[0] == 0.0 and watched.state.imu_stale == 0
+
+
+def turn(watched: Watched, rate: float) -> None:
+    """The torso turns faster and faster, up to a rate [rad/s], as in a fall."""
+    for now in np.linspace(0.0, rate, 20):
+        watched.read(gyro=float(now))
+
+
+def test_a_gyro_is_believed_again_at_rest_after_an_impact_that_fell_between_two_samples(watched: Watched) -> None:
+    """The chest of a robot that got up hit the floor: its gyro said rest ever after, and the last turn was believed."""
+    rest = round(REST_S * RATE) + 1
+    turn(watched, 4.5)
+    held = [watched.read().gyro[0] for _ in range(rest + 1)]
+    assert held[:-2] == [4.5] * (rest - 1) and held[-1] == 0.0
+    assert watched.read().imu_stale == 0 and watched.checks.imu_suspicion.level[0] == 0
+
+
+@pytest.mark.parametrize("wrong", [{"gyro": 0.6}, {"accel": 6.0}])
+def test_a_gyro_that_falls_silent_in_a_turn_is_not_believed_where_the_accelerometer_shows_no_rest(
+    watched: Watched, wrong: dict[str, float]
+) -> None:
+    """The torso turns, or is pushed, all the same: the IMU counts as silent."""
+    turn(watched, 4.5)
+    for _ in range(3 * round(REST_S * RATE)):
+        state = watched.read(**wrong)
+    assert state.gyro[0] == pytest.approx(4.5) and state.imu_stale > 0
 
 
 def test_a_sensor_that_lies_while_torque_is_off_is_held_against_a_start(watched: Watched) -> None:

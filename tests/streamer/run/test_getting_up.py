@@ -66,6 +66,20 @@ def test_after_a_fall_the_run_goes_on_and_the_robot_gets_up_on_request(push: tup
     assert session.record.state[-1] == State.OFF and session.record.violations_sent == 0
 
 
+def test_a_robot_that_collapsed_limp_onto_its_front_gets_up() -> None:
+    """Its chest struck the floor between two samples of the IMU, which was not believed any more: it lay at "0°"."""
+    run = Fallen((0.8, 0.0), at_s=8.0)
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until(lambda: session.state.time_s >= 8.1, "the push")
+        run.ask(Request.KILL)
+        session.advance(5.0)
+        assert session.telemetry.ticks.latest()["tilt"][1] > 1.2, "it lies on its front"
+        run.ask(Request.GET_UP)
+        run.until_state(State.READY)
+        assert run.messages("done") == ["GET_UP"] and run.upright
+
+
 def test_clear_leads_to_off_and_arm_names_the_way_up() -> None:
     run = Fallen(AHEAD)
     with run.session as session:
