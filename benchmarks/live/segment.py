@@ -237,7 +237,8 @@ def wall_clock(seconds: float, seed: int, interval_s: float, log: Path) -> Segme
     found.exit_code = run.process.returncode
     found.violations = run.report["limits"]["violations_sent"]
     found.missed = run.report["loop"]["missed_deadlines"]
-    found.robot_late_ms = 1e-3 * run.report["loop"]["robot_lateness_us"]["max"]
+    late = run.report["loop"]["robot_lateness_us"]
+    found.robot_late_ms = 0.0 if late is None else 1e-3 * late["max"]
     found.seconds = run.report["duration_s"]
     _read_parts(found, log)
     return found

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import IO, Any
 
+import psutil
+
 _ENDED_S = 120.0
 """Longest time until a program that is asked to end has ended [s]; a robot stands still and parks meanwhile."""
 
@@ -36,7 +38,9 @@ def started(
                 try:
                     process.wait(_ENDED_S)
                 except subprocess.TimeoutExpired:
-                    process.kill()  # its children end with it
+                    # Programs that it started itself do not end with it.
+                    for program in (*psutil.Process(process.pid).children(recursive=True), process):
+                        program.kill()
 
 
 def end_on_terminate() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from flexmotion.spatial.heading import wrapped
@@ -12,7 +12,6 @@ from flexmotion.streamer.motion.intents import from_content, words_of
 if TYPE_CHECKING:
     from flexmotion.streamer.gateway.connection import StopAnswer
     from flexmotion.streamer.gateway.messages import Answer
-    from flexmotion.streamer.gateway.outcome import Outcome
 
 _NAME = 18
 _STOPS = {
@@ -55,21 +54,6 @@ def answer_line(answer: Answer) -> str:
     if answer.reason is not None and answer.state != "refused":
         parts.append(answer.reason)
     return f"{answer.state}: {'; '.join(parts)}" if parts else answer.state
-
-
-_ENDS = {
-    "done": "done",
-    "time limit": "not done: its time limit came first",
-    "expired": "over: its time has passed",
-    "superseded": "not done: another target came first",
-    "stopped": "not done: the robot was stopped, or stands still",
-    "refused": "not done: it was refused",
-}
-
-
-def outcome_line(outcome: Outcome) -> str:
-    """How something that was asked has ended, in one line."""
-    return _ENDS[outcome.end] + ("" if outcome.place is None else f"; stands at {_place(outcome.place)}")
 
 
 def stop_line(what: str, answer: StopAnswer) -> str:
@@ -139,7 +123,7 @@ def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _place(odometry: Sequence[float] | None) -> str | None:
+def _place(odometry: list[float] | None) -> str | None:
     if odometry is None:
         return None
     x, y, heading = odometry

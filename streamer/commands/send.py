@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexmotion.streamer.commands.answer_text import answer_line, outcome_line, status_lines, stop_line
+from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -17,14 +17,10 @@ from flexmotion.streamer.commands.part_options import PartOptions
 from flexmotion.streamer.commands.run_address import RunAddress
 
 if TYPE_CHECKING:
-    from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.messages import Answer
 
 _VELOCITY_S = 5.0
 """A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
-
-
-_DONE = ("accepted", "slowed", "moved")
 
 
 def _present(answer: Answer, as_json: bool) -> None:
@@ -32,23 +28,7 @@ def _present(answer: Answer, as_json: bool) -> None:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
         print_result(answer_line(answer))
-    if answer.state not in _DONE:
-        raise typer.Exit(CHECK_FAILED)
-
-
-def _present_to_its_end(client: Client, answer: Answer, as_json: bool) -> None:
-    """The answer, and how what was asked has ended; waits for that."""
-    if not as_json:
-        print_result(answer_line(answer))
-    outcome = client.wait(answer)
-    assert outcome is not None  # waited for without a limit
-    if as_json:
-        print_json(
-            json.dumps(answer.model_dump(exclude_none=True) | {"outcome": outcome.model_dump(exclude_none=True)})
-        )
-    elif outcome.end != "refused":
-        print_result(outcome_line(outcome))
-    if answer.state not in _DONE or not outcome.finished:
+    if answer.state not in ("accepted", "slowed", "moved"):
         raise typer.Exit(CHECK_FAILED)
 
 
@@ -116,7 +96,6 @@ def send(
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
     ] = None,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until it has ended, and print how.")] = False,
     part: PartOptions,
     run: RunAddress,
 ) -> None:
@@ -126,15 +105,12 @@ def send(
     robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
     of the body does, and back to it after --for, or 10 s. A foot that is kept on the ground and a torque that is capped
     hold until they are relaxed, or for --for. While a joint is limp the robot stands and follows no target.
-    With --wait the exit code is 1 where the robot has not done it: a stop, another target or a time limit came first.
 
     [bold]Examples[/bold]
 
       flexmotion send "wave with the right hand"
 
       flexmotion send --velocity .3 0 0 --for 4
-
-      flexmotion send "two steps back" --wait && flexmotion send "bow"
 
       flexmotion send --heading 90
 
@@ -198,10 +174,7 @@ def send(
         if take:
             client.take()
         answer = client.ask({**message, "ttl_s": seconds})
-        if wait:
-            _present_to_its_end(client, answer, run.as_json)
-        else:
-            _present(answer, run.as_json)
+    _present(answer, run.as_json)
 
 
 @grouped

@@ -83,6 +83,14 @@ class Estimator:
         self.com_velocity[:] = 0.0
         self.odometry[:] = 0.0
 
+    def begin_attitude(self, accel: Float) -> None:
+        """Begin the attitude anew, from the specific force of a torso at rest, (3,) [m/s²]."""
+        ahead, left, up = accel.tolist()
+        self._euler[:] = 0.0, math.atan2(-ahead, math.hypot(left, up)), math.atan2(left, up)
+        quaternion = np.zeros(4)
+        mujoco.mju_euler2Quat(quaternion, self._euler, "zyx")
+        self.ahrs.set_quaternion(quaternion)
+
     def update(self, state: RobotState, reference: Reference) -> None:
         """Update from one measurement and the reference that was in force when it was made."""
         # For a few missed samples the last attitude holds; after that it is not trusted.

@@ -26,9 +26,10 @@ The foot of a walking robot strikes with up to 4 g."""
 MEAN_S, MEAN_ERROR = 0.5, 0.6 * GRAVITY
 """Over this time [s] the mean specific force is gravity to within this [m/s²], also of a robot that topples over."""
 
-REST_S, REST_TURN, REST_FORCE = 0.1, 0.5, 0.15 * GRAVITY
-"""A torso is at rest that turns by no more than this [rad/s] while the specific force is gravity, and does not change,
-to within this [m/s²], for this time [s]. The accelerometer confirms a gyro that says so."""
+REST_S, REST_TURN, REST_FORCE = 0.3, 0.3, 0.05 * GRAVITY
+"""The torso of a robot that lies is at rest where it turns by no more than this [rad/s] and the specific force is
+gravity, and that of the beginning of the rest, to within this [m/s²], for this time [s]. In a torso that turns gravity
+turns; one that topples with 1.2 rad/s or more, of which a gyro could fall silent unseen, loses a twentieth of it."""
 
 
 class ImuPlausibility:
@@ -37,10 +38,13 @@ class ImuPlausibility:
     A wrong value is replaced by the one before. If it goes on for more reads than a servo may be silent, the IMU counts
     as silent (`imu_stale`). Nothing of this delays the detection of a fall: a robot that topples over stays within
     these limits, and an impact is believed at once. One that the accelerometer missed, whose peak fell between two
-    samples, leaves a gyro that is right and not believed: it is again once the torso is at rest.
+    samples, leaves a gyro that is right and not believed: while the robot lies it is again once the torso is at rest.
 
     Args:
         suspicion: counts the wrong samples.
+
+    Attributes:
+        restored: with this sample the gyro is believed again, because the torso is at rest.
     """
 
     def __init__(self, robot: Robot, suspicion: Suspicion) -> None:
@@ -56,17 +60,20 @@ class ImuPlausibility:
         self._last_accel, self._mean = [math.nan] * 3, [math.nan] * 3
         self._turn_of = FALL_STEPS / height / robot.rate_hz  # by a change of the specific force [rad/s by m/s²]
         self._since, self._shaken, self._unread, self._impact = 0.0, 0, 0, 0.0
-        self._rested, self._held = 0.0, False  # time at rest [s]; whether the last gyro sample was not believed
+        self.restored = False
+        self._held = False  # whether the last gyro sample was not believed
+        self._rest, self._rested = [math.nan] * 3, 0.0  # specific force as the rest began, and since when [s]
 
-    def check(self, state: RobotState, elapsed: float, *, powered: bool = True) -> None:
+    def check(self, state: RobotState, elapsed: float, *, powered: bool = True, lies: bool = False) -> None:
         """Check one sample.
 
         Args:
             elapsed: time since the check before [s].
             powered: whether torque is on; hands may turn a limp robot as they like, and what was held against its gyro
                 ends with the torque.
+            lies: the robot lies or gets up: its balance does not depend on the gyro.
         """
-        self._since += elapsed
+        self._since, self.restored = self._since + elapsed, False
         if not powered:
             self._gyro.forget()
             self._accel.forget()
@@ -92,10 +99,10 @@ class ImuPlausibility:
             self._impact = 0.0
         if change > IMPACT:
             self._shaken, self._impact = IMPACT_TICKS, max(self._impact, change)
-        self._rested = self._rested + gap * self._period if _rests(state.gyro.tolist(), accel, change) else 0.0
-        if self._held and self._rested >= REST_S:
+        if lies and self._held and self._rests(state, accel, gap):
             self._gyro.forget()
             self._suspicion.reset()
+            self.restored = True
         self._held = wrong = some(self._gyro.take(state.gyro, gap, self._turn_of * self._impact))
         wrong |= some(self._accel.take(state.accel, gap))
         wrong |= self._no_gravity(state, gap)
@@ -106,6 +113,15 @@ class ImuPlausibility:
         if level > self._patience:
             state.imu_stale = level
 
+    def _rests(self, state: RobotState, accel: list[float], gap: float) -> bool:
+        """Whether the torso has been at rest for long."""
+        still = max(map(abs, state.gyro.tolist())) < REST_TURN and abs(math.hypot(*accel) - GRAVITY) < REST_FORCE
+        if still and max(abs(now - then) for now, then in zip(accel, self._rest, strict=True)) < REST_FORCE:
+            self._rested += gap * self._period
+        else:
+            self._rest, self._rested = accel, 0.0
+        return self._rested >= REST_S
+
     def _no_gravity(self, state: RobotState, gap: float) -> bool:
         """Whether the specific force has been far from gravity for long."""
         accel, follows = state.accel.tolist(), 1.0 - math.exp(-gap * self._period / MEAN_S)
@@ -113,9 +129,3 @@ class ImuPlausibility:
             self._mean = accel
         self._mean = [mean + follows * (now - mean) for now, mean in zip(accel, self._mean, strict=True)]
         return abs(math.hypot(*self._mean) - GRAVITY) > MEAN_ERROR
-
-
-def _rests(gyro: list[float], accel: list[float], change: float) -> bool:
-    """Whether a sample is one of a torso at rest; `change`: of the specific force since the sample before."""
-    still = max(map(abs, gyro)) < REST_TURN and change < REST_FORCE
-    return still and abs(math.hypot(*accel) - GRAVITY) < REST_FORCE

@@ -193,7 +193,11 @@ class ControlLoop:
             powered=powered,
             limp=self.joints.limp,
             moved_s=1.0 / self.robot.rate_hz if late or self._moves_slowly else None,
+            lies=self.ladder.state is State.GET_UP,
         )
+        if self.plausibility.imu_restored:
+            self.estimator.begin_attitude(self.state.accel)
+            self._emit("note", "the IMU is believed again: the torso rests")
         if late and powered:
             self.servo.rejoin()
         self._last_tick = self.tick_count

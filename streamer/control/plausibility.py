@@ -106,6 +106,11 @@ class Plausibility:
         """Readings that were not believed so far, of all sensors."""
         return sum(suspicion.total for suspicion in (*self.suspicions, self.imu_suspicion))
 
+    @property
+    def imu_restored(self) -> bool:
+        """Whether the gyro is believed again with the last check: the torso of a robot that lies is at rest."""
+        return self._imu.restored
+
     def check(
         self,
         state: RobotState,
@@ -115,6 +120,7 @@ class Plausibility:
         powered: bool,
         limp: Bool | None = None,
         moved_s: float | None = None,
+        lies: bool = False,
     ) -> None:
         """Replace what cannot be believed in `state`, and count it in `stale` and `imu_stale`.
 
@@ -125,6 +131,7 @@ class Plausibility:
                 sensors stays, so that a robot with one that lies does not start.
             limp: joints without torque all the same, (n,); None: no joint.
             moved_s: for how long the reference has moved since the last check [s]; None: all of the time.
+            lies: the robot lies or gets up: its balance does not depend on the gyro.
         """
         if not powered:
             self._never.fill(False)
@@ -146,7 +153,7 @@ class Plausibility:
         asked = self._all if self._calm else state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
-        self._imu.check(state, elapsed, powered=powered)
+        self._imu.check(state, elapsed, powered=powered, lies=lies)
 
     def _check_joints(
         self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool, moved_s: float

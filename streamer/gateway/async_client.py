@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
-import time
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from types import TracebackType
@@ -28,7 +26,6 @@ from flexmotion.streamer.gateway.connection import (
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.gateway.outcome import LOOK_S, Outcome, outcome_of
 from flexmotion.streamer.motion.part_values import Side
 from flexmotion.streamer.motion.restriction_intents import Foot
 
@@ -188,16 +185,6 @@ class AsyncClient(Messages):
     async def status(self) -> dict[str, Any]:
         """The run now; see `Client.status`."""
         return await asyncio.to_thread(self.fetch, "GET", self.port, "/status")
-
-    async def wait(self, answer: Answer, *, most_s: float = math.inf) -> Outcome | None:
-        """Wait until what was asked has ended; see `Client.wait`."""
-        end = time.monotonic() + most_s
-        while True:
-            found = outcome_of(answer, await self.status())
-            left = end - time.monotonic()
-            if found is not None or left <= 0.0:
-                return found
-            await asyncio.sleep(min(LOOK_S, left))
 
     async def ask(self, message: Mapping[str, Any]) -> Answer:
         """Send any message and wait for its answer."""

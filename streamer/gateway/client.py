@@ -5,15 +5,13 @@ import flexmotion as fm
 
 with fm.Client() as robot:
     print(robot.text("wave with the right hand"))
-    walk = robot.velocity(0.3, 0.0, 0.0, ttl_s=4.0)
-    print(robot.wait(walk), robot.status()["state"])
+    robot.velocity(0.3, 0.0, 0.0, ttl_s=4.0)
+    print(robot.status()["state"])
 ```
 """
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from types import TracebackType
@@ -36,7 +34,6 @@ from flexmotion.streamer.gateway.connection import (
     waypoint_content,
 )
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.gateway.outcome import LOOK_S, Outcome, outcome_of
 from flexmotion.streamer.motion.part_values import Side
 from flexmotion.streamer.motion.restriction_intents import Foot
 
@@ -207,22 +204,6 @@ class Client(Messages):
         except (OSError, WebSocketException, ValueError) as error:
             self.close()
             raise self.failed(error) from error
-
-    def wait(self, answer: Answer, *, most_s: float = math.inf) -> Outcome | None:
-        """Wait until what was asked has ended; None: it has not within `most_s` [s].
-
-        What has no amount, such as "walk forward", goes on until its time to live is over or another target comes.
-
-        Raises:
-            GatewayError: the run does not answer, or the answer is to no target for the whole body.
-        """
-        end = time.monotonic() + most_s
-        while True:
-            found = outcome_of(answer, self.status())
-            left = end - time.monotonic()
-            if found is not None or left <= 0.0:
-                return found
-            time.sleep(min(LOOK_S, left))
 
     def _connect(self) -> None:
         if self._socket is not None:

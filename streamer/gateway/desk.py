@@ -285,7 +285,6 @@ class Desk:
             heard.state,
             heard.reason,
             target=heard.id,
-            part=None if part == WHOLE_BODY else part,
             tick=heard.tick,
             heard_as=heard.heard_as,
             certainty=None if heard.certainty is None else round(heard.certainty, 3),

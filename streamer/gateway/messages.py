@@ -234,7 +234,6 @@ class Answer(BaseModel):
             nearest place in reach. partly: without what `dropped` names. superseded: a newer target came before a plan
             followed it. expired: its time was over before. refused: it is not done, for `reason`.
         target: number of the target in the log.
-        part: of the body, that the target is for; null: the whole body.
         tick: of the loop, from which on it acts.
         heard_as: kinds of motion that the words were taken for, in the order in which they are done.
         certainty: share of that kind in what the listener heard, in [0, 1].
@@ -256,7 +255,6 @@ class Answer(BaseModel):
     asked: str | None = None
     state: AnswerState
     target: int | None = None
-    part: str | None = None
     tick: int | None = None
     heard_as: str | None = None
     certainty: float | None = None

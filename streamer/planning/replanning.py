@@ -293,7 +293,7 @@ class Replanner:
         self.ledger.refuse_all(reason)
         self.parts.refuse_all(reason)
         self.restrictions.refuse_all(reason)
-        if not row.plan:
+        if not row.plan and not row.pending:
             self._succeeds, self.ledger.halted = not row.ready, True
             return not self._succeeds
         offer = self.plans.playing()

@@ -6,6 +6,7 @@ import { Floor } from "./floor.js";
 import { Hands } from "./hands.js";
 import { Link } from "./link.js";
 import { nextStep, Panel, whyNot } from "./panel.js";
+import { Restrictions } from "./restrictions.js";
 import { Scene } from "./scene.js";
 import { Stick } from "./stick.js";
 import { Stops } from "./stops.js";
@@ -38,6 +39,7 @@ const link = new Link({
 });
 const asked = new Asked(link);
 const stick = new Stick((message) => asked.steer(message), () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
+new Restrictions(asked);
 const panel = new Panel();
 const stops = new Stops(link, () => status.stop_port ?? 8791, (title, text) => panel.show("press", title, text), (message) => panel.tell(message));
 for (const card of document.querySelectorAll(".wide-open")) card.open = matchMedia("(min-width: 900px)").matches;

@@ -1,0 +1,66 @@
+"""Restrictions on the page, in a real browser: what is sent, and how it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.retarget.joint_names import joints_named
+
+from .stand_in import StandIn, browser_page
+
+DESK, PHONE = {"width": 1280, "height": 800}, {"width": 360, "height": 740}
+
+
+@pytest.fixture(params=[DESK, PHONE], ids=["desk", "phone"])
+def run(request: pytest.FixtureRequest) -> Iterator[StandIn]:
+    with browser_page(viewport=request.param) as page:
+        shown = StandIn(page, load_robot("op3"))
+        shown.open()
+        shown.status("HOLD")
+        shown.until(lambda: page.is_enabled("#prompt"), "the prompt")
+        page.click("summary:has-text('Keep feet down')")
+        yield shown
+
+
+def sent(run: StandIn) -> dict[str, Any]:
+    run.until(lambda: run.asked, "a message")
+    (message,) = run.asked
+    run.answer(state="accepted", target=50)
+    run.asked.clear()
+    return {key: value for key, value in message.items() if key not in ("id", "source", "sequence")}
+
+
+def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn) -> None:
+    """They could be asked for by programs and in words alone."""
+    page = run.page
+    page.select_option("#foot", "left")
+    page.click("#keep button")
+    assert sent(run) == {"type": "contact", "foot": "left"}
+    page.select_option("#capped", label="both knees")
+    page.fill("#limit", "1.5")
+    page.click("#cap button")
+    assert sent(run) == {"type": "torque", "joint": "knee", "limit_nm": 1.5}
+    page.click("#relax button")
+    assert sent(run) == {"type": "relax", "part": "all"}
+    told = [page.inner_text(f"#history li >> nth={index} >> b") for index in range(3)]
+    assert told == ["let everything go", "no more than 1.5 N·m at both knees", "keep the left foot on the ground"]
+    width = page.viewport_size["width"]
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width and not run.problems
+
+
+def test_every_joint_that_is_offered_is_one_that_a_run_understands(run: StandIn) -> None:
+    names = run.page.eval_on_selector_all("#capped option", "found => found.map((one) => one.value)")
+    assert len(names) == len(set(names)) == 15
+    for name in names:
+        assert joints_named(run.robot, name)
+
+
+def test_a_cap_without_a_number_is_not_sent(run: StandIn) -> None:
+    run.page.fill("#limit", "")
+    run.page.click("#cap button")
+    run.page.wait_for_timeout(100)
+    assert not run.asked
