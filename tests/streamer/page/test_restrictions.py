@@ -26,10 +26,11 @@ def run(request: pytest.FixtureRequest) -> Iterator[StandIn]:
         yield shown
 
 
-def sent(run: StandIn) -> dict[str, Any]:
+def sent(run: StandIn, number: int) -> dict[str, Any]:
+    """The message that was sent; it is answered as the target of this number."""
     run.until(lambda: run.asked, "a message")
     (message,) = run.asked
-    run.answer(state="accepted", target=50)
+    run.answer(state="accepted", target=number)
     run.asked.clear()
     return {key: value for key, value in message.items() if key not in ("id", "source", "sequence")}
 
@@ -39,14 +40,14 @@ def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn) -> None:
     page = run.page
     page.select_option("#foot", "left")
     page.click("#keep button")
-    assert sent(run) == {"type": "contact", "foot": "left"}
+    assert sent(run, 50) == {"type": "contact", "foot": "left"}
     page.select_option("#capped", label="both knees")
     page.fill("#limit", "1.5")
     page.click("#cap button")
-    assert sent(run) == {"type": "torque", "joint": "knee", "limit_nm": 1.5}
+    assert sent(run, 51) == {"type": "torque", "joint": "knee", "limit_nm": 1.5}
     page.click("#relax button")
-    assert sent(run) == {"type": "relax", "part": "all"}
-    told = [page.inner_text(f"#history li >> nth={index} >> b") for index in range(3)]
+    assert sent(run, 52) == {"type": "relax", "part": "all"}
+    told = page.eval_on_selector_all("#history b", "found => found.map((one) => one.textContent)")
     assert told == ["let everything go", "no more than 1.5 N·m at both knees", "keep the left foot on the ground"]
     width = page.viewport_size["width"]
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width and not run.problems
