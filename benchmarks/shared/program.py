@@ -24,8 +24,9 @@ def started(
     stderr: int | IO[str] | None = None,
     text: bool = False,
 ) -> Iterator[subprocess.Popen[Any]]:
-    """Context of a program; one that still runs at its end is interrupted, as by Ctrl-C, and waited for.
+    """Context of a program; one that still runs at its end is asked to end, and waited for.
 
+    It is asked by SIGTERM: what a shell runs in the background ignores SIGINT, and so do the programs that it starts.
     It has a process group of its own: a terminal's Ctrl-C reaches the benchmark alone. See `subprocess.Popen` for the
     arguments.
     """
@@ -34,7 +35,7 @@ def started(
             yield process
         finally:
             if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+                process.terminate()
                 try:
                     process.wait(_ENDED_S)
                 except subprocess.TimeoutExpired:
