@@ -1,8 +1,8 @@
 """Does a fallen robot get up from its front and from its back, on request?
 
-Robots that stand in poses drawn at random are pushed over, give way and lie without torque; each is then asked to get
-up, in the control loop with its clamps. Their masses, friction, stiffness, supply and latency are drawn too
-(`benchmarks/shared/fallen.py`). The starts are others than those that `--tune` uses.
+Robots that stand in poses drawn at random are pushed over, give way and lie without torque, or collapse limp as their
+torque is cut; each is then asked to get up, in the control loop with its clamps. Their masses, friction, stiffness,
+supply and latency are drawn too (`benchmarks/shared/fallen.py`). The starts are others than those that `--tune` uses.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ BATCH = 5
 """Starts in a process, which makes one retargeter."""
 
 
-def attempts(task: tuple[str, int, int], robot_name: str) -> list[GotUp]:
+def attempts(task: tuple[str, bool, int, int], robot_name: str) -> list[GotUp]:
     """Let robots fall to a side and get up; those that come to lie on another side are not asked.
 
     Args:
-        task: side, first seed, number of robots that are to lie on it.
+        task: side, whether they collapse limp, first seed, number of robots that are to lie on it.
     """
-    side, seed, count = task
+    side, limp, seed, count = task
     robot = load_robot(robot_name)
     retargeter, found = Retargeter(robot, load_stream()), list[GotUp]()
     for number in range(seed, seed + 20 * count):
-        one = Fallen(robot, retargeter, side, number)
+        one = Fallen(robot, retargeter, side, number, limp=limp)
         one.fall()
         if one.lies_on == side:
             found.append(one.get_up())
@@ -54,7 +54,7 @@ def attempts(task: tuple[str, int, int], robot_name: str) -> list[GotUp]:
 
 
 def table(groups: dict[str, list[GotUp]]) -> Table:
-    """One row a side."""
+    """One row a side and way to fall."""
     out = Table("lay on its", "stands", "time [s]", "peak torque [N·m]", "over usable", "RMS over usable", "violations")
     for side, group in groups.items():
         out.add_row(
@@ -97,17 +97,22 @@ def main(
         write_get_up(chosen, tuned, tune_to)
         return Outcome()
     tasks = [
-        (side, REPORTED_SEED + 1000 * first, min(BATCH, starts - first))
+        (side, limp, REPORTED_SEED + 1000 * first, min(BATCH, starts - first))
         for side in names
+        for limp in (False, True)
         for first in range(0, starts, BATCH)
     ]
     done = [one for found in in_order(partial(attempts, robot_name=robot), tasks, jobs) for one in found]
-    groups = {side: [one for one in done if one.side == side] for side in names}
+    groups = {
+        f"{side}, limp" if limp else side: [one for one in done if (one.side, one.limp) == (side, limp)]
+        for side in names
+        for limp in (False, True)
+    }
     console = Console()
     console.print(table(groups))
     for one in done:
         if not one.stood:
-            console.print(f"{one.side}, seed {one.seed}: {one.reason}")
+            console.print(f"{one.side}{', limp' if one.limp else ''}, seed {one.seed}: {one.reason}")
     if csv_out is not None:
         write_csv(csv_out, [asdict(one) for one in done])
     figures, verdicts = {}, []

@@ -1,8 +1,9 @@
 """`Fallen`: a simulated robot that has really fallen, in the control loop alone: no planner, no gateway.
 
 It stands up into a pose of arms and legs drawn at random, is pushed over ahead or back, gives way as the ladder has it,
-and lies without torque. Mass, friction of floor and joints, stiffness, supply, slope and latency are drawn as well,
-within those of the project's robustness tests (`flexmotion.drivers.sim.options.PERTURBED`).
+and lies without torque. Or its torque is cut, as by `kill`, and it collapses limp, pushed a little. Mass, friction of
+floor and joints, stiffness, supply, slope and latency are drawn as well, within those of the project's robustness tests
+(`flexmotion.drivers.sim.options.PERTURBED`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ ARMS_RAD, LEGS_RAD = 0.8, 0.25
 """Greatest angle by which a joint of arms and head, or of a leg, differs from the stand pose when the robot falls."""
 PUSHED_AT_S, FALLS_WITHIN_S, LIES_S = 4.0, 4.0, 3.0
 """When it is pushed, how long it may take to fall, and how long it lies before it is asked to get up [s]."""
+OVER_NS, LIMP_NS = (1.8, 2.8), (0.5, 1.1)
+"""Least and greatest impulse that pushes it over, and that decides to which side a limp robot falls [N·s]."""
 MASS_KG = (3.15, 3.5)
 """Least and greatest mass of the robot: without and with battery and cables [kg]."""
 LIGHT, FRICTION, STIFF, VOLTS, DRY = 0.94, 1.0, 1.04, (11.4, 12.4), (0.7, 1.5)
@@ -43,6 +46,7 @@ class GotUp:
 
     Attributes:
         side: that it lay on.
+        limp: it had collapsed limp.
         stood: it got up, and stood for `STANDS_S`.
         seconds: from the request until it was ready for a plan.
         peak_nm: greatest torque of a servo; peak_share: the same over its usable torque. A servo that brakes makes more
@@ -54,6 +58,7 @@ class GotUp:
 
     seed: int
     side: str
+    limp: bool
     stood: bool
     seconds: float
     peak_nm: float
@@ -63,9 +68,10 @@ class GotUp:
     reason: str
 
 
-def perturbed_options(rng: np.random.Generator, side: str) -> dict[str, Any]:
-    """Options of a simulated robot that is pushed over to a side."""
-    angle, impulse = rng.uniform(-0.35, 0.35), rng.uniform(1.8, 2.8) * (1.0 if side == "front" else -1.0)
+def perturbed_options(rng: np.random.Generator, side: str, *, limp: bool) -> dict[str, Any]:
+    """Options of a simulated robot that is pushed over to a side, or collapses limp to it."""
+    angle, impulse = rng.uniform(-0.35, 0.35), rng.uniform(*(LIMP_NS if limp else OVER_NS))
+    impulse *= 1.0 if side == "front" else -1.0
     slope = np.abs(PERTURBED.slope_deg).max()
     return {
         "torso_mass_scale": rng.uniform(LIGHT, PERTURBED.torso_mass_scale),
@@ -94,15 +100,16 @@ class Fallen:
         retargeter: of the robot; may be shared, since the loop changes nothing in it.
         side: that it is to fall on, `front` or `back`.
         seed: of pose, push, perturbations and noise.
+        limp: its torque is cut as it is pushed.
 
     Attributes:
         lies_on: the side that it has fallen on; None: it has not.
     """
 
-    def __init__(self, robot: Robot, retargeter: Retargeter, side: str, seed: int) -> None:
-        self.robot, self.seed, self._retargeter = robot, seed, retargeter
+    def __init__(self, robot: Robot, retargeter: Retargeter, side: str, seed: int, *, limp: bool = False) -> None:
+        self.robot, self.seed, self.limp, self._retargeter = robot, seed, limp, retargeter
         self._rng = np.random.default_rng([seed, side == "front"])
-        options = SimOptions(seed=seed, **perturbed_options(self._rng, side))
+        options = SimOptions(seed=seed, **perturbed_options(self._rng, side, limp=limp))
         self.driver = SimDriver(robot, options=options)
         plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, robot.rate_hz)
         self.telemetry = Telemetry(robot.n, robot.rate_hz)
@@ -120,6 +127,8 @@ class Fallen:
         self.driver.open()
         self._until(State.OFF, 0.3)
         loop.inputs.start = True
+        if self.limp and not self._until(State.FAULT, PUSHED_AT_S - 0.3):
+            loop.inputs.kill = True
         if not self._until(State.FAULT, PUSHED_AT_S + FALLS_WITHIN_S):
             return
         self._until(State.OFF, LIES_S)
@@ -155,6 +164,7 @@ class Fallen:
         return GotUp(
             seed=self.seed,
             side=str(self.lies_on),
+            limp=self.limp,
             stood=not reason,
             seconds=ticks / self.robot.rate_hz,
             peak_nm=float(self._peak.max()),

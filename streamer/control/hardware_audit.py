@@ -16,6 +16,8 @@ from flexmotion.streamer.control.punctuality import Punctuality
 
 Float = NDArray[np.float64]
 
+IMU_BACK_S = 1.0
+"""An IMU that has measured for so long is back [s]; one that comes and goes is told once."""
 SUPPLY_ERROR = 0x01
 """Error bit of Dynamixel and Feetech servos: the supply is outside the servo's own limits; torque stays on."""
 
@@ -27,7 +29,8 @@ class HardwareAudit:
         punctuality: lateness of the loop; a message about silence mentions it.
         plausibility: which sensors give readings that cannot be.
         obedience: which servos do not do what their goals ask.
-        warn: called once with each kind of warning.
+        warn: called once with each kind of warning; with a silent IMU each time that it falls silent.
+        note: called when the IMU measures again.
     """
 
     def __init__(
@@ -37,10 +40,12 @@ class HardwareAudit:
         plausibility: Plausibility,
         obedience: Obedience,
         warn: Callable[[str], None],
+        note: Callable[[str], None],
     ) -> None:
         self.robot, self.punctuality = robot, punctuality
         self.plausibility, self.obedience = plausibility, obedience
-        self._warn_of = warn
+        self._warn_of, self._note = warn, note
+        self._blind, self._sees = False, 0  # without an IMU, and for how many ticks it has measured again
         self._warned: set[str] = set()
         self._low_reads, self._supply_reads = np.zeros(robot.n, np.int64), np.zeros(robot.n, np.int64)
         self._catalogue = np.array([servo.temperature_limit for servo in robot.servos])
@@ -143,10 +148,19 @@ class HardwareAudit:
     def _imu_lies(self) -> bool:
         return bool(self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads)
 
-    def warn_of_imu(self) -> None:
-        """Warn that there is no IMU, or none that can be believed."""
-        what = "the IMU measures what cannot be" if self._imu_lies else "no IMU"
-        self.warn("imu", f"{what}: the robot runs open loop, falls are not detected")
+    def watch_imu(self, has_imu: bool) -> None:
+        """Tell when there is no IMU, or none that can be believed, and when there is one again. Call it once a tick."""
+        if not has_imu:
+            self._sees = 0
+            if not self._blind:
+                self._blind = True
+                what = "the IMU measures what cannot be" if self._imu_lies else "no IMU"
+                self._warn_of(f"{what}: the robot runs open loop, falls are not detected")
+        elif self._blind:
+            self._sees += 1
+            if self._sees >= IMU_BACK_S * self.robot.rate_hz:
+                self._blind = False
+                self._note("the IMU measures again: balance and the detection of falls use it")
 
     def warn(self, kind: str, message: str) -> None:
         """Warn, unless a warning of this kind was given before."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,8 @@ class ControlLoop:
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
         self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot, driver.turns)
-        self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
+        note = partial(self._emit, "note")
+        self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn, note)
         self.servo = ServoCommand(robot, driver.delay_s, driver.turns)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.get_up = GetUpMove(robot)
@@ -197,7 +199,6 @@ class ControlLoop:
         )
         if self.plausibility.imu_restored:
             self.estimator.begin_attitude(self.state.accel)
-            self._emit("note", "the IMU is believed again: the torso rests")
         if late and powered:
             self.servo.rejoin()
         self._last_tick = self.tick_count
@@ -238,8 +239,7 @@ class ControlLoop:
                 self._look_for_blocks()
             self._hardware_fault = inputs.blocked if fault is None else fault
             inputs.fault = fault
-        if not self.estimator.has_imu:
-            self.audit.warn_of_imu()
+        self.audit.watch_imu(self.estimator.has_imu)
 
     def _look_for_blocks(self) -> None:
         """Tell the ladder which joint does not follow its goals, and whether it carries the robot."""

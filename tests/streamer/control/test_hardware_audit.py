@@ -7,7 +7,7 @@ import pytest
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.interface import RobotState
-from flexmotion.streamer.control.hardware_audit import HardwareAudit
+from flexmotion.streamer.control.hardware_audit import IMU_BACK_S, HardwareAudit
 from flexmotion.streamer.control.obedience import Obedience
 from flexmotion.streamer.control.plausibility import Plausibility
 from flexmotion.streamer.control.punctuality import Punctuality
@@ -27,7 +27,7 @@ def warnings() -> list[str]:
 
 @pytest.fixture
 def audit(op3: Robot, warnings: list[str]) -> HardwareAudit:
-    return HardwareAudit(op3, Punctuality(op3), Plausibility(op3), Obedience(op3), warnings.append)
+    return HardwareAudit(op3, Punctuality(op3), Plausibility(op3), Obedience(op3), warnings.append, warnings.append)
 
 
 @pytest.fixture
@@ -45,6 +45,19 @@ def test_a_robot_in_order_may_start_and_run(audit: HardwareAudit, measured: Robo
     assert audit.refusal(measured, answered, True) is None
     assert audit.problem(measured) is None and audit.lost_bus(measured) is None
     assert warnings == []
+
+
+def test_an_imu_that_falls_silent_a_second_time_is_told_again(
+    audit: HardwareAudit, warnings: list[str], op3: Robot
+) -> None:
+    """Once in a run was all: whether falls were detected since was not known."""
+    back = round(IMU_BACK_S * op3.rate_hz)
+    for has_imu, ticks in ((True, 9), (False, 9), (True, back - 1), (False, 9), (True, back), (False, 1)):
+        for _ in range(ticks):
+            audit.watch_imu(has_imu)
+    silent, again, silent_again = warnings
+    assert silent == silent_again == "no IMU: the robot runs open loop, falls are not detected"
+    assert again == "the IMU measures again: balance and the detection of falls use it"
 
 
 def test_one_silent_joint_is_a_problem_and_all_of_them_a_lost_bus(

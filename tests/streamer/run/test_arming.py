@@ -16,6 +16,7 @@ from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.planning.made_plans import MadePlans
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.parts import RunParts
 from flexmotion.streamer.run.requests import Request
@@ -264,6 +265,22 @@ def test_a_planner_that_died_before_the_first_plan_leaves_a_run_that_begins_noth
         session.advance(1.0)
         assert session.state.ladder is State.READY
         assert run.answer(session.send(TURN).id).state == "accepted"
+        session.finish()
+
+
+def test_a_planner_that_died_while_its_first_plan_waited_follows_targets_again(made: list[Replanner]) -> None:
+    """Its successor knew no plan, and the loop played one: it made none ever after, and every target expired."""
+    run = Attended()
+    with run.session as session:
+        latest = session.telemetry.ticks.latest
+        run.ask(Request.ARM)
+        run.until(lambda: latest()["pending"] and not latest()["plan"], "the first plan to wait")
+        (replanner,) = made
+        replanner._made = MadePlans(5)  # as in a new process
+        replanner.succeed()
+        run.until_state(State.HOLD)
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        run.until_state(State.STREAMING)
         session.finish()
 
 
