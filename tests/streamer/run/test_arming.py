@@ -279,6 +279,7 @@ def test_a_planner_that_died_while_its_first_plan_waited_follows_targets_again(m
         replanner._made = MadePlans(5)  # as in a new process
         replanner.succeed()
         run.until_state(State.HOLD)
+        session.advance(0.1)
         assert run.answer(session.send(TURN).id).state == "accepted"
         run.until_state(State.STREAMING)
         session.finish()
