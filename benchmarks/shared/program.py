@@ -40,8 +40,9 @@ def started(
                     process.wait(_ENDED_S)
                 except subprocess.TimeoutExpired:
                     # Programs that it started itself do not end with it.
-                    for program in (*psutil.Process(process.pid).children(recursive=True), process):
+                    for program in psutil.Process(process.pid).children(recursive=True):
                         program.kill()
+                    process.kill()
 
 
 def end_on_terminate() -> None:
