@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import IO, Any
 
@@ -41,7 +41,8 @@ def started(
                 except subprocess.TimeoutExpired:
                     # Programs that it started itself do not end with it.
                     for program in psutil.Process(process.pid).children(recursive=True):
-                        program.kill()
+                        with suppress(psutil.NoSuchProcess):
+                            program.kill()
                     process.kill()
 
 
