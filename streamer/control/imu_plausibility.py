@@ -99,7 +99,9 @@ class ImuPlausibility:
             self._impact = 0.0
         if change > IMPACT:
             self._shaken, self._impact = IMPACT_TICKS, max(self._impact, change)
-        if lies and self._held and self._rests(state, accel, gap):
+        if not (lies and self._held):
+            self._rested = 0.0
+        elif self._rests(state, accel):
             self._gyro.forget()
             self._suspicion.reset()
             self.restored = True
@@ -113,11 +115,11 @@ class ImuPlausibility:
         if level > self._patience:
             state.imu_stale = level
 
-    def _rests(self, state: RobotState, accel: list[float], gap: float) -> bool:
-        """Whether the torso has been at rest for long."""
+    def _rests(self, state: RobotState, accel: list[float]) -> bool:
+        """Whether the torso has been at rest for long; samples that did not come are no rest."""
         still = max(map(abs, state.gyro.tolist())) < REST_TURN and abs(math.hypot(*accel) - GRAVITY) < REST_FORCE
         if still and max(abs(now - then) for now, then in zip(accel, self._rest, strict=True)) < REST_FORCE:
-            self._rested += gap * self._period
+            self._rested += self._period
         else:
             self._rest, self._rested = accel, 0.0
         return self._rested >= REST_S
