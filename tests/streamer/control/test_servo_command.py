@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from flexmotion.configs.robot import load_robot
 from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.plant import ServoPlant
-from flexmotion.streamer.control.servo_command import BRAKING_SHARE, ServoCommand
+from flexmotion.streamer.control.servo_command import BRAKING_SHARE, STOPPED_SHARE, ServoCommand
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 N = ROBOT.n
@@ -60,6 +60,21 @@ def test_torque_that_a_goal_implies_stays_within_the_envelope(
     assert (np.abs(implied[inside]) <= peak[inside] + 1e-9).all()
     driving = inside & (implied * velocity > 0)
     assert (np.abs(implied[driving]) <= (ROBOT.usable_torque * supply)[driving] + 1e-9).all()
+
+
+@given(q=each(-4, 4), share=each(0, 1), velocity=each(-6, 6), voltage=st.sampled_from([9.5, 11, 12]))
+def test_the_goal_of_a_robot_that_gets_up_is_inside_also_for_a_joint_that_the_floor_stops(
+    q: np.ndarray, share: np.ndarray, velocity: np.ndarray, voltage: float
+) -> None:
+    """A hip was stopped from 3.8 rad/s under way: its goal counted on the back EMF, and implied 1.3 of the stall."""
+    position = ROBOT.lower + share * (ROBOT.upper - ROBOT.lower)
+    state, command = measured(position, velocity, voltage), ServoCommand(ROBOT, DELAY)
+    for _ in range(2):
+        command.update(q, np.zeros(N), np.zeros(N), state, impacts=True)
+    supply = voltage / ROBOT.nominal_voltage
+    implied = ROBOT.kp * supply * (command.goal - position)
+    inside = (command.goal > ROBOT.lower) & (command.goal < ROBOT.upper)
+    assert (np.abs(implied[inside]) <= STOPPED_SHARE * (ROBOT.stall_torque * supply)[inside] + 1e-9).all()
 
 
 @given(position=each(-0.2, 0.2), velocity=each(-1, 1), torque=each(-1.5, 1.5), voltage=st.sampled_from([None, 10.5]))
