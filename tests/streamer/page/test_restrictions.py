@@ -15,9 +15,14 @@ from .stand_in import StandIn, browser_page
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 360, "height": 740}
 
 
-@pytest.fixture(params=[DESK, PHONE], ids=["desk", "phone"])
-def run(request: pytest.FixtureRequest) -> Iterator[StandIn]:
-    with browser_page(viewport=request.param) as page:
+@pytest.fixture
+def viewport() -> dict[str, int]:
+    return DESK
+
+
+@pytest.fixture
+def run(viewport: dict[str, int]) -> Iterator[StandIn]:
+    with browser_page(viewport=viewport) as page:
         shown = StandIn(page, load_robot("op3"))
         shown.open()
         shown.status("HOLD")
@@ -35,7 +40,8 @@ def sent(run: StandIn, number: int) -> dict[str, Any]:
     return {key: value for key, value in message.items() if key not in ("id", "source", "sequence")}
 
 
-def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn) -> None:
+@pytest.mark.parametrize("viewport", [DESK, PHONE], ids=["desk", "phone"])
+def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn, viewport: dict[str, int]) -> None:
     """They could be asked for by programs and in words alone."""
     page = run.page
     page.select_option("#foot", "left")
@@ -49,8 +55,7 @@ def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn) -> None:
     assert sent(run, 52) == {"type": "relax", "part": "all"}
     told = page.eval_on_selector_all("#history b", "found => found.map((one) => one.textContent)")
     assert told == ["let everything go", "no more than 1.5 N·m at both knees", "keep the left foot on the ground"]
-    width = page.viewport_size["width"]
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= width and not run.problems
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"] and not run.problems
 
 
 def test_every_joint_that_is_offered_is_one_that_a_run_understands(run: StandIn) -> None:
