@@ -104,9 +104,8 @@ def main(
 
 
 def _show(found: list[SegmentFigures]) -> None:
-    table = Table(
-        "clock", "targets", "min", "falls", "violations", "missed", "robot late ms", "MB in 10 min: most", "parts"
-    )
+    names = ("clock", "targets", "min", "falls", "violations", "missed", "robot late", "MB in 10 min: most", "parts")
+    table = Table(*names)
     for one in found:
         worst = max(one.growths.items(), key=lambda own: own[1].private_mb, default=None)
         growth = "too short" if worst is None else f"{worst[0]} {worst[1].private_mb:.2f}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.shared.fallen import Fallen, GotUp
+from benchmarks.shared.fallen import Fallen, GotUp, way_to_lie
 from benchmarks.shared.get_up_poses import write_get_up
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
@@ -96,23 +97,19 @@ def main(
             tuned[side] = tune(chosen, side, TUNED_SEED, minutes, tune_to.with_suffix(f".{side}.state"))
         write_get_up(chosen, tuned, tune_to)
         return Outcome()
+    ways = list(product(names, (False, True)))
     tasks = [
         (side, limp, REPORTED_SEED + 1000 * first, min(BATCH, starts - first))
-        for side in names
-        for limp in (False, True)
+        for side, limp in ways
         for first in range(0, starts, BATCH)
     ]
     done = [one for found in in_order(partial(attempts, robot_name=robot), tasks, jobs) for one in found]
-    groups = {
-        f"{side}, limp" if limp else side: [one for one in done if (one.side, one.limp) == (side, limp)]
-        for side in names
-        for limp in (False, True)
-    }
+    groups = {way: [one for one in done if one.way == way] for way in (way_to_lie(*one) for one in ways)}
     console = Console()
     console.print(table(groups))
     for one in done:
         if not one.stood:
-            console.print(f"{one.side}{', limp' if one.limp else ''}, seed {one.seed}: {one.reason}")
+            console.print(f"{one.way}, seed {one.seed}: {one.reason}")
     if csv_out is not None:
         write_csv(csv_out, [asdict(one) for one in done])
     figures, verdicts = {}, []

@@ -40,6 +40,11 @@ LONGEST_S = 45.0
 """Bound against hanging [s]."""
 
 
+def way_to_lie(side: str, limp: bool) -> str:
+    """The side that a robot lies on, and whether it had collapsed limp, in words."""
+    return f"{side}, limp" if limp else side
+
+
 @dataclass(frozen=True)
 class GotUp:
     """How one attempt ended.
@@ -66,6 +71,11 @@ class GotUp:
     rms_share: float
     violations: int
     reason: str
+
+    @property
+    def way(self) -> str:
+        """See `way_to_lie`."""
+        return way_to_lie(self.side, self.limp)
 
 
 def perturbed_options(rng: np.random.Generator, side: str, *, limp: bool) -> dict[str, Any]:

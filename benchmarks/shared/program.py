@@ -11,7 +11,7 @@ from typing import IO, Any
 
 import psutil
 
-_ENDED_S = 120.0
+ENDED_S = 120.0
 """Longest time until a program that is asked to end has ended [s]; a robot stands still and parks meanwhile."""
 
 
@@ -37,7 +37,7 @@ def started(
             if process.poll() is None:
                 process.terminate()
                 try:
-                    process.wait(_ENDED_S)
+                    process.wait(ENDED_S)
                 except subprocess.TimeoutExpired:
                     # Programs that it started itself do not end with it.
                     for program in psutil.Process(process.pid).children(recursive=True):

@@ -15,7 +15,7 @@ from typing import IO, Any
 import psutil
 
 from benchmarks.shared.lines import Lines
-from benchmarks.shared.program import started
+from benchmarks.shared.program import ENDED_S, started
 from flexmotion.configs.errors import DriverError, GatewayError
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.ports import any_free
@@ -24,8 +24,8 @@ PROGRAM = (sys.executable, "-m", "flexmotion.streamer")
 PROCESSES = ("loop", "robot", "planner", "gateway", "estop")
 """Processes of a run, as `ps` shows them without "fm-"."""
 _FOLLOWS = ("HOLD", "STREAMING")
-_STARTED_S, _ENDED_S = 300.0, 120.0
-"""Longest time until the robot follows targets, and until a run that is asked to end has ended [s]."""
+_STARTED_S = 300.0
+"""Longest time until the robot follows targets [s]."""
 _LOOK_S = 0.1
 
 
@@ -96,7 +96,7 @@ class ServedRun:
         """
         if self.process.poll() is None:
             self.process.send_signal(how)
-        self.process.wait(_ENDED_S)
+        self.process.wait(ENDED_S)
         text = self._printed()
         if not text.startswith("{"):
             raise DriverError(f"the run has no report: {self.last_notes()}")
@@ -132,7 +132,7 @@ def served_run(*options: str, lines: bool = False, program: Sequence[str] = PROG
     command = [*program, "dry-run", "--web", "--json", "--allow-refused"]
     command += ["--web-port", str(port), "--stop-port", str(stop_port), *(["--stdin"] if lines else []), *options]
     pipe = subprocess.PIPE if lines else None
-    # Files, since nobody reads pipes meanwhile.
+    # The output goes to files: nobody reads a pipe while the run goes on, and a full pipe would stop the run.
     with (
         tempfile.TemporaryFile("w+") as out,
         tempfile.TemporaryFile("w+") as notes,

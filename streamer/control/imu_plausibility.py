@@ -62,7 +62,7 @@ class ImuPlausibility:
         self._since, self._shaken, self._unread, self._impact = 0.0, 0, 0, 0.0
         self.restored = False
         self._held = False  # whether the last gyro sample was not believed
-        self._rest, self._rested = [math.nan] * 3, 0.0  # specific force as the rest began, and since when [s]
+        self._rest, self._rested = [math.nan] * 3, 0.0  # specific force as the rest began, and its length [s]
 
     def check(self, state: RobotState, elapsed: float, *, powered: bool = True, lies: bool = False) -> None:
         """Check one sample.
