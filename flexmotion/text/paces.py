@@ -75,6 +75,8 @@ def _as_fast(words: list[str], place: int) -> tuple[float, int] | None:
 
 def _by(words: list[str], place: int) -> tuple[float, int] | None:
     """As in "slow down by half", "faster by 20 percent"."""
+    if "by" not in words[place + 1 :]:
+        return None
     for name, sign in (("slower", -1.0), ("faster", 1.0)):
         for phrase in vocabulary().phrases(name):
             length = len(phrase.split())

@@ -28,14 +28,17 @@ class Vocabulary:
     table: dict[str, Any]
     units: dict[str, tuple[Quantity, float]]
     verbs: frozenset[str]
+    # Sorted once: every word of a sentence is compared with several lists, in time that a target waits for.
+    _phrases: dict[str, tuple[str, ...]]
+    _words: dict[str, frozenset[str]]
 
     def phrases(self, name: str) -> tuple[str, ...]:
         """A list of phrases, the longest first."""
-        return tuple(sorted(self.table[name], key=lambda phrase: (-len(phrase.split()), phrase)))
+        return self._phrases[name]
 
     def words(self, name: str) -> frozenset[str]:
         """A list of words."""
-        return frozenset(self.table[name])
+        return self._words[name]
 
 
 @lru_cache
@@ -47,4 +50,11 @@ def vocabulary() -> Vocabulary:
         name: (quantity, float(size)) for quantity, sizes in table["units"].items() for name, size in sizes.items()
     }
     taught = {wording.split()[0].lower() for kind in phrases.kinds() for wording in phrases.verbs(kind)}
-    return Vocabulary(table, units, frozenset(taught | set(table["verbs"]) | set(table["walk_verbs"])))
+    verbs = frozenset(taught | set(table["verbs"]) | set(table["walk_verbs"]))
+    listed = {name: list(words) for name, words in table.items() if isinstance(words, list | dict)}
+    ordered = {name: tuple(sorted(words, key=_longest_first)) for name, words in listed.items()}
+    return Vocabulary(table, units, verbs, ordered, {name: frozenset(words) for name, words in listed.items()})
+
+
+def _longest_first(phrase: str) -> tuple[int, str]:
+    return -len(str(phrase).split()), str(phrase)

@@ -229,7 +229,8 @@ class TargetLedger:
         planned, opened = self._planned, self._open
         if not self._gives_way or planned is None or planned.target.id != target.id or opened is None:
             return False
-        return opened.target.intent != target.intent
+        # A velocity that is sent again only holds longer; words that are sent again are done anew, and waited for it.
+        return not isinstance(target.intent, Velocity) or opened.target.intent != target.intent
 
     def give_way(self) -> None:
         """The source has taken back its turn to the last target, which no plan follows; the newer one is due.

@@ -189,6 +189,19 @@ def test_of_two_targets_in_quick_succession_the_newer_counts_at_once() -> None:
     assert bench.ledger.wanted == third, "0.2 s after the change that was made"
 
 
+def test_words_that_are_sent_twice_at_once_are_one_change() -> None:
+    """The second ones waited for 0.2 s, then cut short the motion of the first for the same one."""
+    bench = Bench(change_s=0.2)
+    first = bench.mailbox.send(WAVE)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    again = bench.mailbox.send(WAVE)
+    bench.look(101)
+    assert bench.ledger.replaces(first)
+    bench.ledger.give_way()
+    assert bench.states == [(first.id, "superseded")] and bench.ledger.wanted == again
+
+
 def test_a_target_that_gives_way_while_the_robot_is_to_stand_leaves_it_standing() -> None:
     """Had the newer one been refused, what was asked before the stop would have gone on."""
     bench = Bench()
