@@ -219,9 +219,7 @@ def test_who_reads_a_message_on_the_router_cannot_send_it_again(
     answers = client.answers("*")
     # A message that the router gave to the listener alone is not one that is sent again: the words are put after both
     # were seen to read.
-    wait_until(
-        lambda: client.put("targets/alice", {"type": "take"}) or read, "the listener to read along", every_s=0.2
-    )
+    wait_until(lambda: client.put("targets/alice", {"type": "take"}) or read, "the listener to read along", every_s=0.2)
     client.wait_for_answers("alice", answers)
     answers.clear()
     client.put("targets/alice", {"type": "text", "text": "wave"})
