@@ -1,4 +1,4 @@
-"""`Restrictions`: what a plan may not do, whatever the human does: lift a foot, or ask too much torque of a joint."""
+"""`Restrictions`: what holds whatever the human does: feet that stay, torque caps, how stiff limbs follow."""
 
 from __future__ import annotations
 
@@ -17,10 +17,13 @@ class Restrictions:
         planted: feet that stay on the ground where they are, 0 left, 1 right. While there is one no human's step is
             made: a walk needs both.
         caps: greatest torque by column of the joint [N·m], above 0.
+        tension: of limbs, in place of the human's, in [0, 1], by their place in
+            `flexmotion.biomechanics.tension.LIMBS`.
     """
 
     planted: frozenset[int] = frozenset()
     caps: Mapping[int, float] = field(default_factory=dict)
+    tension: Mapping[int, float] = field(default_factory=dict)
 
     def cap(self, joints: int) -> NDArray[np.float64]:
         """Greatest torque of each joint of a robot, (n,) [N·m]; infinite where there is none."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from flexmotion.biomechanics.tension import LIMBS
 from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
@@ -247,6 +248,7 @@ class Retargeter:
         now = self.layout.view(vector)
         self.parts.update(now, parts, tick)
         now.planted[...] = [side in restrictions.planted for side in (0, 1)]
+        now.asked_tension[...] = [restrictions.tension.get(limb, np.nan) for limb in range(len(LIMBS))]
         view = view_human(
             now,
             motion,
@@ -297,7 +299,7 @@ class Retargeter:
             source_s[: view.follow] = view.seconds(walk.ticks[: view.follow])
         led_joints = np.zeros(self.robot.n, np.bool_)
         led_joints[self.body.upper.joints] = led[upper]
-        tension = self.stiffness.tension(now.tension, view, rows, led_joints)
+        tension = self.stiffness.tension(now.tension, view, rows, led_joints, restrictions.tension)
         body = BodyMotion(com, position, velocity, base, q, offset, tension)
         return Plan(
             start_tick=tick,

@@ -82,6 +82,8 @@ class RetargetState(Record):
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
     tension: Float = column("f8", len(LIMBS))
     """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
+    asked_tension: Float = column("f8", len(LIMBS))
+    """Tension that is asked of a limb by itself; NaN: none."""
 
 
 @dataclass(frozen=True)
@@ -121,5 +123,5 @@ class StateLayout:
         state.detector[...] = ContactDetector().initial()
         state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
-        state.drift[...] = np.nan
+        state.drift[...] = state.asked_tension[...] = np.nan
         return vector

@@ -2,10 +2,13 @@
 
 A limb that is as tense as a human's ever is has the stiffness of the robot file, one without tension the file's
 `least_stiffness` of it. A limb has all of its stiffness where it does not follow a human of known tension: in a stop,
-on the way to a target of its own, after a motion without torques. Legs always have.
+on the way to a target of its own, after a motion without torques. Where a tension is asked for by itself, the limb has
+that one, whatever it follows. Legs always have all.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +33,9 @@ class LimbStiffness:
         self._n, self._least = robot.n, robot.config.least_stiffness
         self._keeps = float(np.exp(-1.0 / (SMOOTH_S * robot.rate_hz)))
 
-    def tension(self, before: Float, view: HumanView | None, rows: int, led: NDArray[np.bool_]) -> Float:
+    def tension(
+        self, before: Float, view: HumanView | None, rows: int, led: NDArray[np.bool_], asked: Mapping[int, float]
+    ) -> Float:
         """Tension of each of `tension.LIMBS` in every row, (T, 3) in [0, 1].
 
         Args:
@@ -38,6 +43,7 @@ class LimbStiffness:
             view: the human that is followed; None: a stop.
             rows: of the plan.
             led: joints that follow a path of their own, (n,).
+            asked: see `Restrictions.tension`.
         """
         targets = np.ones((rows, len(LIMBS)))
         if view is not None and self._least < 1.0:
@@ -48,6 +54,8 @@ class LimbStiffness:
         for limb, joints in enumerate(self._joints):
             if led[joints].any():
                 targets[:, limb] = 1.0
+        for limb, share in asked.items():
+            targets[:, limb] = share
         smooth, _ = lfilter([1.0 - self._keeps], [1.0, -self._keeps], targets, axis=0, zi=self._keeps * before[None])
         return np.clip(smooth, 0.0, 1.0)
 

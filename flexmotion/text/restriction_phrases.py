@@ -1,7 +1,7 @@
 """`restriction_phrase`: sentences that only restrict the robot, and those that let go again.
 
-"Keep your left foot down", "no more than 1 newton metre at the knee", "you may lift your feet again". A sentence that
-says anything else beside, "keep your feet on the ground and wave", is left to the grammar.
+"Keep your left foot down", "no more than 1 newton metre at the knee", "loosen your arms", "you may lift your feet
+again". A sentence that says anything else beside, "keep your feet on the ground and wave", is left to the grammar.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from flexmotion.text.numbers import number_at
 from flexmotion.text.part_phrases import POLITE
 
 Foot = Literal["left", "right", "both"]
+Limb = Literal["left arm", "right arm", "both arms", "head"]
 
 _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
@@ -40,6 +41,22 @@ _NO_LIMIT = re.compile(
     rf"(?:remove|take\soff|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
 )
 
+_ARMS = rf"{_OWN}\s(?:both\s)?arms|both\s(?:of\s)?(?:{_OWN}\s)?arms"
+_LIMB = rf"(?:(?:{_OWN}\s)?(?P<limb>(?:left|right)\sarm|head|neck)|{_ARMS})"
+_SOFT = r"(?:soft|loose|slack|softer|looser)"
+_STIFF = r"(?:stiff|tense|rigid|firm|stiffer|firmer)"
+_STATE = r"(?:make|let|keep|hold|leave|have)"
+_TENSIONS = (
+    (re.compile(rf"(?:soften|loosen|slacken)(?:\sup)?\s{_LIMB}"), 0.0),
+    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?{_SOFT}"), 0.0),
+    (re.compile(rf"(?:stiffen|tense|tighten|harden)(?:\sup)?\s{_LIMB}"), 1.0),
+    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?{_STIFF}"), 1.0),
+)
+_NO_TENSION = re.compile(
+    rf"(?:stop|no\slonger|do\snot|don\st|dont)\s(?:keep(?:ing)?\s)?"
+    rf"(?:softening|loosening|stiffening|tensing|tightening|soften|loosen|stiffen|tense)\s{_LIMB}"
+)
+
 
 @dataclass(frozen=True)
 class RestrictionPhrase:
@@ -47,14 +64,18 @@ class RestrictionPhrase:
 
     Attributes:
         foot: that stays down, or is let go; None: the sentence is about a torque.
-        joint: whose torque is capped, or let go: `knee`, `left knee`; None: the sentence is about feet.
-        limit: of the torque [N·m]; None: of a foot, or let go.
+        joint: whose torque is capped, or let go: `knee`, `left knee`; None: the sentence is about something else.
+        limit: of the torque [N·m]; None: of something else, or let go.
+        limb: that is to be soft or stiff, or is let go; None: the sentence is about something else.
+        tension: of the limb, 0 soft to 1 stiff; None: of something else, or let go.
         lets_go: whether the restriction is to end.
     """
 
     foot: Foot | None = None
     joint: str | None = None
     limit: float | None = None
+    limb: Limb | None = None
+    tension: float | None = None
     lets_go: bool = False
 
 
@@ -64,6 +85,11 @@ def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
     for pattern, lets_go in ((_KEEP, False), (_NEVER, False), (_FREE, True)):
         if (found := pattern.fullmatch(words)) is not None:
             return RestrictionPhrase(foot=_foot(found["side"]), lets_go=lets_go)
+    for pattern, tension in _TENSIONS:
+        if (found := pattern.fullmatch(words)) is not None:
+            return RestrictionPhrase(limb=_limb(found["limb"]), tension=tension)
+    if (found := _NO_TENSION.fullmatch(words)) is not None:
+        return RestrictionPhrase(limb=_limb(found["limb"]), lets_go=True)
     if (found := _NO_LIMIT.fullmatch(words)) is not None:
         return RestrictionPhrase(joint=_joint(found["joint"]), lets_go=True)
     found = _AT_MOST.fullmatch(words) or _LIMIT.fullmatch(words)
@@ -75,6 +101,16 @@ def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
 
 def _foot(side: str | None) -> Foot:
     return "left" if side == "left" else "right" if side == "right" else "both"
+
+
+def _limb(words: str | None) -> Limb:
+    match words:
+        case "left arm" | "right arm":
+            return words
+        case "head" | "neck":
+            return "head"
+        case _:
+            return "both arms"
 
 
 def _joint(words: str) -> str:

@@ -58,13 +58,22 @@ class PartOptions:
             show_default=False,
         ),
     ] = None
+    tension: Annotated[
+        tuple[str, float] | None,
+        typer.Option(
+            "--tension",
+            metavar="LIMB SHARE",
+            help='Let "left arm", "right arm", "both arms" or head follow as stiffly as that: 0 soft, 1 stiff.',
+            show_default=False,
+        ),
+    ] = None
     relax: Annotated[
         str | None,
         typer.Option(
             "--relax",
             metavar="PART",
             help='Let a part go: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", '
-            '"both feet", "torque NAME", or all.',
+            '"both feet", "torque NAME", "tension LIMB", or all.',
             show_default=False,
         ),
     ] = None
@@ -85,6 +94,7 @@ class PartOptions:
             "--joint": self.joint,
             "--contact": self.contact,
             "--torque": self.torque,
+            "--tension": self.tension,
             "--relax": self.relax,
         }
 
@@ -110,4 +120,7 @@ class PartOptions:
         if self.torque is not None:
             named, limit = self.torque
             return {"type": "torque", "joint": named, "limit_nm": limit}
+        if self.tension is not None:
+            limb, share = self.tension
+            return {"type": "tension", "limb": limb, "tension": share}
         return {"type": "relax", "part": self.relax}

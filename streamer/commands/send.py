@@ -103,8 +103,9 @@ def send(
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
     robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
-    of the body does, and back to it after --for, or 10 s. A foot that is kept on the ground and a torque that is capped
-    hold until they are relaxed, or for --for. While a joint is limp the robot stands and follows no target.
+    of the body does, and back to it after --for, or 10 s. A foot that is kept on the ground, a torque that is capped
+    and a tension hold until they are relaxed, or for --for. While a joint is limp the robot stands and follows no
+    target.
 
     [bold]Examples[/bold]
 
@@ -123,6 +124,8 @@ def send(
       flexmotion send --contact left
 
       flexmotion send --torque knee 1.5
+
+      flexmotion send --tension "both arms" 0
 
       flexmotion send --relax "torque knee"
 
@@ -146,7 +149,8 @@ def send(
         raise typer.BadParameter(f"expected one of {', '.join(given)}; found {' and '.join(chosen) or 'none'}")
     if tolerance is not None and waypoint is None and part.hand is None:
         raise typer.BadParameter("--tolerance is that of a --waypoint or a --hand")
-    moved = {name for name, value in part.given.items() if value is not None} - {"--relax", "--contact", "--torque"}
+    given_parts = {name for name, value in part.given.items() if value is not None}
+    moved = given_parts - {"--relax", "--contact", "--torque", "--tension"}
     if part.in_s is not None and not moved:
         raise typer.BadParameter("--in is that of a --hand, --point, --look or --joint")
     if turning is not None and turn is None:

@@ -27,7 +27,7 @@ from flexmotion.streamer.gateway.connection import (
 )
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.motion.part_values import Side
-from flexmotion.streamer.motion.restriction_intents import Foot
+from flexmotion.streamer.motion.restriction_intents import Foot, Limb
 
 
 class AsyncClient(Messages):
@@ -125,6 +125,10 @@ class AsyncClient(Messages):
     async def torque(self, joint: str, limit: float, *, ttl_s: float | None = None) -> Answer:
         """See `Client.torque`."""
         return await self.ask({"type": "torque", "joint": joint, "limit_nm": limit, "ttl_s": ttl_s})
+
+    async def tension(self, limb: Limb, tension: float, *, ttl_s: float | None = None) -> Answer:
+        """See `Client.tension`."""
+        return await self.ask({"type": "tension", "limb": limb, "tension": tension, "ttl_s": ttl_s})
 
     async def relax(self, part: str = "all") -> Answer:
         """See `Client.relax`."""

@@ -35,7 +35,7 @@ from flexmotion.streamer.gateway.connection import (
 )
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.motion.part_values import Side
-from flexmotion.streamer.motion.restriction_intents import Foot
+from flexmotion.streamer.motion.restriction_intents import Foot, Limb
 
 
 class Client(Messages):
@@ -127,8 +127,12 @@ class Client(Messages):
         """Ask no more than a torque of a joint [N·m], such as `knee`, until it is let go; see `TorqueMessage`."""
         return self.ask({"type": "torque", "joint": joint, "limit_nm": limit, "ttl_s": ttl_s})
 
+    def tension(self, limb: Limb, tension: float, *, ttl_s: float | None = None) -> Answer:
+        """Let an arm, both, or the head follow as stiffly as that, 0 to 1, until let go; see `TensionMessage`."""
+        return self.ask({"type": "tension", "limb": limb, "tension": tension, "ttl_s": ttl_s})
+
     def relax(self, part: str = "all") -> Answer:
-        """Let a part go, such as `left hand`, `left foot` or `torque knee`, or all; see `RelaxMessage`."""
+        """Let a part go, such as `left hand`, `left foot`, `torque knee`, `tension head`, or all: `RelaxMessage`."""
         return self.ask({"type": "relax", "part": part})
 
     def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:

@@ -26,7 +26,12 @@ from flexmotion.streamer.gateway.part_messages import (
     RelaxMessage,
     part_intent_of,
 )
-from flexmotion.streamer.gateway.restriction_messages import ContactMessage, TorqueMessage, restriction_of
+from flexmotion.streamer.gateway.restriction_messages import (
+    ContactMessage,
+    TensionMessage,
+    TorqueMessage,
+    restriction_of,
+)
 from flexmotion.streamer.motion.intents import (
     CLOSEST_M,
     FARTHEST_M,
@@ -200,6 +205,7 @@ Message = (
     | RelaxMessage
     | ContactMessage
     | TorqueMessage
+    | TensionMessage
     | ClipMessage
     | HoldMessage
     | StopMessage
@@ -320,7 +326,7 @@ def intent_of(message: Message) -> Intent | None:
             return Stop()
         case HandMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
             return part_intent_of(message)
-        case ContactMessage() | TorqueMessage():
+        case ContactMessage() | TorqueMessage() | TensionMessage():
             return restriction_of(message)
     return None
 

@@ -1,4 +1,4 @@
-"""Messages that restrict what the robot does, whatever it is asked for: feet that stay down, torques that are capped.
+"""Messages that restrict what the robot does, whatever it is asked for: feet, torques, how stiff arms and head follow.
 
 They move nothing. Each holds until it is let go (`relax`), or its time to live is over; without one it has no end.
 """
@@ -10,7 +10,16 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints
 
 from flexmotion.streamer.gateway.message_base import MessageBase
-from flexmotion.streamer.motion.restriction_intents import LEAST_NM, MOST_NM, Contact, Foot, Restriction, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import (
+    LEAST_NM,
+    MOST_NM,
+    Contact,
+    Foot,
+    Limb,
+    Restriction,
+    Tension,
+    TorqueCap,
+)
 
 NAMED_JOINT = r"[\w./-]([\w ./-]{0,62}[\w./-])?"
 """Pattern of the name of a joint in the robot file, or of the body: `left knee`."""
@@ -43,8 +52,27 @@ class TorqueMessage(MessageBase):
     limit_nm: Annotated[float, Field(ge=LEAST_NM, le=MOST_NM)]
 
 
-def restriction_of(message: ContactMessage | TorqueMessage) -> Restriction:
+class TensionMessage(MessageBase):
+    """Let an arm, both, or the head follow as stiffly as that, whatever the human's muscles do.
+
+    Never stiffer than the robot file lets it be, and never softer than its `least_stiffness`.
+
+    Attributes:
+        limb: left arm, right arm, both arms or head.
+        tension: 1: as stiff as it gets; 0: as soft.
+    """
+
+    type: Literal["tension"] = "tension"
+    limb: Limb
+    tension: Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def restriction_of(message: ContactMessage | TorqueMessage | TensionMessage) -> Restriction:
     """The intent of a message."""
-    if isinstance(message, ContactMessage):
-        return Contact(message.foot)
-    return TorqueCap(message.joint, message.limit_nm)
+    match message:
+        case ContactMessage():
+            return Contact(message.foot)
+        case TorqueMessage():
+            return TorqueCap(message.joint, message.limit_nm)
+        case TensionMessage():
+            return Tension(message.limb, message.tension)

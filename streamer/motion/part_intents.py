@@ -14,7 +14,7 @@ from typing import Any
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.motion.intent_values import require_numbers, require_words
 from flexmotion.streamer.motion.part_values import LONGEST_JOINT, SIDES, Logged, Side, require_choice, require_joint
-from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, TORQUE, Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, TENSION, TORQUE, Contact, Tension, TorqueCap
 
 FARTHEST_HAND_M = 2.0
 """Bound of each coordinate of a hand's place [m]."""
@@ -187,8 +187,8 @@ class Relax(Logged):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME";
-            "all": every one that was asked for something.
+        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME",
+            "tension LIMB"; "all": every one that was asked for something.
 
     Raises:
         ConfigError: it is no name.
@@ -203,8 +203,8 @@ class Relax(Logged):
 
     @property
     def lifts(self) -> bool:
-        """Whether it lets go what restricts the robot, feet or torques, rather than an arm or the head."""
-        return self.part in FOOT_PARTS.values() or self.part.startswith(TORQUE)
+        """Whether it lets go what restricts the robot, feet, torques or tension, rather than an arm or the head."""
+        return self.part in FOOT_PARTS.values() or self.part.startswith((TORQUE, TENSION))
 
     def __str__(self) -> str:
         return f"relax {self.part}"
@@ -212,7 +212,7 @@ class Relax(Logged):
 
 Placed = Hand | Point | Look | JointAngle
 """An intent that brings a part somewhere."""
-PartIntent = Placed | Relax | Contact | TorqueCap
+PartIntent = Placed | Relax | Contact | TorqueCap | Tension
 """An intent for one part of the body."""
 
 PARTS: dict[str, type[PartIntent]] = {
@@ -223,6 +223,7 @@ PARTS: dict[str, type[PartIntent]] = {
     "relax": Relax,
     "contact": Contact,
     "torque": TorqueCap,
+    "tension": Tension,
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.part_intents import Look, PartIntent, Point, Relax
-from flexmotion.streamer.motion.restriction_intents import LEAST_NM, MOST_NM, Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import LEAST_NM, MOST_NM, Contact, Tension, TorqueCap
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.restriction_phrases import restriction_phrase
 
@@ -34,6 +34,9 @@ def _restriction(sentence: str) -> PartIntent | None:
     if found.foot is not None:
         contact = Contact(found.foot)
         return Relax(contact.part) if found.lets_go else contact
+    if found.limb is not None:
+        tension = Tension(found.limb, 1.0 if found.tension is None else found.tension)
+        return Relax(tension.part) if found.lets_go else tension
     assert found.joint is not None
     # A limit that no message could name is bounded: it is refused, or binds nothing, by what standing needs.
     cap = TorqueCap(found.joint, min(max(found.limit or LEAST_NM, LEAST_NM), MOST_NM))

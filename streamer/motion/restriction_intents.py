@@ -1,4 +1,4 @@
-"""Intents that restrict what the robot does, whatever it is asked for: feet that stay down, torques that are capped.
+"""Intents that restrict what the robot does, whatever it is asked for: feet, torques, how stiff arms and head follow.
 
 A restriction moves nothing. It holds beside all targets until it is let go (`Relax`), or its time is over.
 """
@@ -17,6 +17,11 @@ FOOT_PARTS: dict[Foot, str] = {"left": "left foot", "right": "right foot", "both
 """Names of the parts of the body, as `relax` takes them."""
 TORQUE = "torque "
 """How the name of the part of a torque cap begins."""
+
+Limb = Literal["left arm", "right arm", "both arms", "head"]
+TENSION_LIMBS: tuple[Limb, ...] = get_args(Limb)
+TENSION = "tension "
+"""How the name of the part of a tension begins."""
 
 LEAST_NM, MOST_NM = 0.01, 1000.0
 """Bounds of a torque cap [N·m]."""
@@ -81,4 +86,37 @@ class TorqueCap(Logged):
         return f"{self.joint}: {self.limit:g} N·m at most"
 
 
-Restriction = Contact | TorqueCap
+@dataclass(frozen=True)
+class Tension(Logged):
+    """Let an arm, both, or the head follow as stiffly as that, whatever the human's muscles do.
+
+    Attributes:
+        limb: left arm, right arm, both arms or head.
+        share: 1: as stiff as the robot file lets it be; 0: as soft (`least_stiffness`).
+
+    Raises:
+        ConfigError: it is no such limb, or the share is no number from 0 to 1.
+    """
+
+    limb: Limb
+    share: float
+
+    def __post_init__(self) -> None:
+        require_choice("tension: limb", self.limb, TENSION_LIMBS)
+        require_numbers("tension: share: expected a number", (self.share,), 1.0, 0.0)
+
+    @property
+    def part(self) -> str:
+        """See `Contact.part`."""
+        return f"{TENSION}{self.limb}"
+
+    @property
+    def limbs(self) -> tuple[str, ...]:
+        """Names of the limbs, as of the chains of a robot file."""
+        return ("left_arm", "right_arm") if self.limb == "both arms" else (self.limb.replace(" ", "_"),)
+
+    def __str__(self) -> str:
+        return f"{self.limb}: tension {self.share:g}"
+
+
+Restriction = Contact | TorqueCap | Tension

@@ -24,9 +24,10 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Restriction
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
+from flexmotion.streamer.planning.due_plan import DuePlan
 from flexmotion.streamer.planning.ease_notes import EaseNotes
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
@@ -107,11 +108,9 @@ class Replanner:
         self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
         self._succeeds = self.gave_up = False
-        self._replan_ticks = round(settings.replan_s * planner.rate)
-        self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._withheld = -1  # the last target of which steps were not made
-        self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
+        self._checked = 0  # rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         self._ease_notes = EaseNotes(planner.retargeter.robot)
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
@@ -131,6 +130,17 @@ class Replanner:
         if isinstance(source, MirrorSource):
             self._mirroring = Mirroring(source, planner.rate, lockstep=lockstep)
         self._turns = SourceTurns(planner, self._runner, self.ledger, lambda message: self.on_note(message))
+        self._due = DuePlan(
+            plans,
+            self._made,
+            self.ledger,
+            self.parts,
+            self.restrictions,
+            self._runner,
+            self._mirroring,
+            replan_ticks=round(settings.replan_s * planner.rate),
+            least_unplayed=round(settings.min_unplayed_s * planner.rate),
+        )
 
     def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
@@ -159,10 +169,10 @@ class Replanner:
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         if self._mirroring is not None:
             self._mirroring.update(tick)
-        if not self._due(row, target):
+        if not self._due.now(row, target):
             return False
         begin = time.perf_counter()
-        kind, new = self._kind(row, target), self._is_new(target, row)
+        kind, new = self._due.kind(row, target), self._due.is_new(target, row)
         now, sampling_s = tick - early, 0.0
         join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
         if kind is Kind.STOP:
@@ -188,7 +198,7 @@ class Replanner:
             planned = self.planner.plan(
                 join,
                 current,
-                stop=kind is Kind.STOP or self._rests,
+                stop=kind is Kind.STOP or self._due.rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
@@ -202,7 +212,7 @@ class Replanner:
             if new and self.ledger.replaces(target):
                 self._turns.give_up()
             return False
-        self._asked_tick = tick
+        self._due.asked_tick = tick
         ticket = Ticket(
             id=self.plans.newest_id + 1,
             resumed=resumed,
@@ -253,7 +263,7 @@ class Replanner:
     def _take_part(self, target: Target, born_s: float) -> None:
         """Take a target for arms and head, or one that restricts the robot; see `TargetLedger`."""
         intent = part_of_words(target.intent) or target.intent
-        if isinstance(intent, Contact | TorqueCap) or (isinstance(intent, Relax) and intent.lifts):
+        if isinstance(intent, Restriction) or (isinstance(intent, Relax) and intent.lifts):
             self.restrictions.take(target, born_s)
             return
         if intent == Relax() and not target.too_late(self.ledger.now_s() - born_s):
@@ -306,86 +316,8 @@ class Replanner:
         self._succeeds, self.ledger.halted = False, True
         return True
 
-    def _due(self, row: TickRow, target: Target) -> bool:
-        """Whether a plan is to be made now."""
-        newest, plan = self.plans.newest_id, int(row.plan)
-        if newest > int(row.offer):
-            return False  # the loop has not examined the last one
-        must_stop = bool(row.must_stop)
-        if not plan:
-            tick = int(row.tick) + 1
-            beside = self.parts.wants(0, tick) or self.restrictions.wants(0, tick)
-            halted = self.ledger.halted and not (self._is_new(target, row) or beside)
-            return bool(row.ready and not row.pending and not must_stop and not halted)
-        last = int(row.pending) or plan
-        if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
-            return False
-        ticket = self._made.ticket(last)
-        if must_stop:
-            return not (ticket.halts or row.plan_over)
-        if self._is_new(target, row) or self._parts_due(row, last):
-            return True
-        if self.ledger.halted:
-            return not (ticket.stops or ticket.source_over or row.plan_over)
-        if row.pending:
-            return False
-        if self._changes:
-            return True
-        if self._rests:
-            over = self._runner is not None and self._runner.over
-            return not (ticket.stops or row.plan_over) or (over and not ticket.source_over)
-        if ticket.partial or (self._mirroring is not None and self._mirroring.fresh):
-            return True
-        if ticket.source_over:
-            return False
-        tick, refused = int(row.tick) + 1, newest != plan
-        playing = self._made.plan(plan)
-        assert playing is not None
-        if playing.eased is not None and playing.eased.refused and not refused:
-            return tick >= self._asked_tick + self._replan_ticks
-        unplayed = playing.start_tick + playing.stop_row - tick
-        return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
-
-    def _parts_due(self, row: TickRow, last: int) -> bool:
-        """Whether arms, head or restrictions ask for a plan: one that knows all of them, or goes on in a stand."""
-        tick = int(row.tick) + 1
-        if row.pending:
-            return False
-        if self.parts.wants(last, tick) or self.restrictions.wants(last, tick):
-            return True
-        if self.restrictions.inherits:
-            return False  # a plan would lift the caps, though nobody asks for anything; arms stay where they are
-        plan = self._made.plan(last)
-        moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
-        return moves and tick >= self._asked_tick + self._replan_ticks
-
-    def _is_new(self, target: Target, row: TickRow) -> bool:
-        """Whether neither the plan that plays nor the one that waits follows this target."""
-        return target.id > max(int(row.target), self._made.target_of(int(row.pending)))
-
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
         return self._made.join(join, row, redraws=kind is Kind.WHOLE)
-
-    def _kind(self, row: TickRow, target: Target) -> Kind:
-        new = self._is_new(target, row)
-        changes = new or self._changes
-        if row.must_stop or (self.ledger.halted and not new) or (self._rests and not changes):
-            return Kind.STOP
-        # Where torques are capped a plan is judged before any of it is played.
-        short = row.plan and changes and not self.restrictions.restrictions.caps
-        return Kind.PARTIAL if short else Kind.WHOLE
-
-    @property
-    def _rests(self) -> bool:
-        """Whether a program has the robot stand until it is measured, or nobody is there to be mirrored."""
-        runner, mirroring = self._runner, self._mirroring
-        return (runner is not None and runner.resting) or (mirroring is not None and mirroring.resting)
-
-    @property
-    def _changes(self) -> bool:
-        """Whether the source is to go on with the next step of a program, or with a person who has come."""
-        runner, mirroring = self._runner, self._mirroring
-        return (runner is not None and runner.wanted is not None) or (mirroring is not None and mirroring.wanted)
 
     def _check_urgency(self, kind: Kind, target: Target, new: bool, halts: bool) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made.

@@ -1,4 +1,4 @@
-"""`RestrictionTargets`: the targets that restrict what the robot does, feet that stay down and torque caps.
+"""`RestrictionTargets`: the targets that restrict what the robot does: feet that stay down, torque caps, tension.
 
 They replace no target and move nothing. Each is checked when it arrives; every plan is given all that hold
 (`restrictions`). They hold until they are let go, or their time is over, through a STOP too; without torque they end.
@@ -6,12 +6,13 @@ They replace no target and move nothing. Each is checked when it arrives; every 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.tension import LIMBS
 from flexmotion.configs.errors import ConfigError
 from flexmotion.retarget.joint_names import joints_named
 from flexmotion.retarget.plan import Plan
@@ -22,8 +23,19 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Relax
+from flexmotion.streamer.motion.part_values import require_choice
 from flexmotion.streamer.motion.part_words import part_of_words
-from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS, Contact, Restriction, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import (
+    FEET,
+    FOOT_PARTS,
+    TENSION,
+    TENSION_LIMBS,
+    TORQUE,
+    Contact,
+    Restriction,
+    Tension,
+    TorqueCap,
+)
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by
@@ -42,13 +54,12 @@ class _Inherited:
 
     Attributes:
         plan: its id.
-        feet, joints: that are restricted; joints are columns.
-        words: names of both.
+        binds: feet, columns of joints and limbs that are restricted, by the kind of restriction.
+        words: names of all.
     """
 
     plan: int
-    feet: frozenset[int]
-    joints: frozenset[int]
+    binds: Mapping[type[Restriction], frozenset[int]]
     words: str
 
 
@@ -57,7 +68,8 @@ class _Held:
     """A restriction that holds.
 
     Attributes:
-        binds: the feet (0 left, 1 right) or the columns of joints that it holds for; newer ones take them over.
+        binds: the feet (0 left, 1 right), columns of joints or limbs (of `LIMBS`) that it holds for; newer ones take
+            them over.
         until: tick at which it is over.
         born: tick at which it was sent.
     """
@@ -157,11 +169,22 @@ class RestrictionTargets:
         """
         names = self._retargeter.robot.joint_names
         joints = np.flatnonzero(np.isfinite(plan.asked_cap)).tolist()
-        feet = np.flatnonzero(self._retargeter.layout.view(plan.states[-1].copy()).planted).tolist()
-        words = [*(FOOT_PARTS[FEET[foot]] for foot in feet), *(f"torque {names[joint]}" for joint in joints)]
+        last = self._retargeter.layout.view(plan.states[-1].copy())
+        feet = np.flatnonzero(last.planted).tolist()
+        limbs = np.flatnonzero(np.isfinite(last.asked_tension)).tolist()
+        words = [
+            *(FOOT_PARTS[FEET[foot]] for foot in feet),
+            *(f"{TORQUE}{names[joint]}" for joint in joints),
+            *(f"{TENSION}{LIMBS[limb].replace('_', ' ')}" for limb in limbs),
+        ]
         if not words:
             return
-        self._inherited = _Inherited(number, frozenset(feet), frozenset(joints), ", ".join(words))
+        binds: dict[type[Restriction], frozenset[int]] = {
+            Contact: frozenset(feet),
+            TorqueCap: frozenset(joints),
+            Tension: frozenset(limbs),
+        }
+        self._inherited = _Inherited(number, binds, ", ".join(words))
         self._on_note(f"until the next target: {self._inherited.words}: the planner was started again")
 
     def _outlive(self, row: TickRow) -> None:
@@ -178,10 +201,14 @@ class RestrictionTargets:
     @property
     def restrictions(self) -> Restrictions:
         """What holds, for the retargeter."""
-        caps = {
-            joint: one.intent.limit for one in self._held if isinstance(one.intent, TorqueCap) for joint in one.binds
-        }
-        return Restrictions(frozenset(self._planted), caps)
+        caps, tension = dict[int, float](), dict[int, float]()
+        for one in self._held:
+            match one.intent:
+                case TorqueCap(limit=limit):
+                    caps |= dict.fromkeys(one.binds, limit)
+                case Tension(share=share):
+                    tension |= dict.fromkeys(one.binds, share)
+        return Restrictions(frozenset(self._planted), caps, tension)
 
     @property
     def stays(self) -> str | None:
@@ -225,9 +252,8 @@ class RestrictionTargets:
         if isinstance(intent, Relax):
             self._relax(target, intent)
             return
-        assert isinstance(intent, Contact | TorqueCap)
-        before = self._planted
-        binds = intent.sides if isinstance(intent, Contact) else self._capped(intent, upper)
+        assert isinstance(intent, Restriction)
+        before, binds = self._planted, self._bound(intent, upper)
         kept = []
         for one in self._held:
             same = isinstance(one.intent, type(intent))
@@ -238,6 +264,27 @@ class RestrictionTargets:
         self._held.append(_Held(target, intent, frozenset(binds), born, until, heard, self._revisions.change()))
         if self._planted - before and self.stays is not None:
             self._on_planted(self.stays)
+
+    def _bound(self, intent: Restriction, upper: Float) -> frozenset[int]:
+        """What a restriction binds, see `_Held`. Raises `ConfigError` where it cannot hold; names what is valid."""
+        match intent:
+            case Contact():
+                return intent.sides
+            case TorqueCap():
+                return self._capped(intent, upper)
+            case Tension():
+                return self._tense(intent)
+
+    def _tense(self, intent: Tension) -> frozenset[int]:
+        """Places of the limbs in `LIMBS`. Raises `ConfigError` where the robot's stiffness of them cannot change."""
+        robot = self._retargeter.robot
+        if robot.config.least_stiffness >= 1.0:
+            raise ConfigError(f"tension: {robot.name} has one stiffness (least_stiffness 1 in its robot file)")
+        chains = robot.mapping.chains()
+        if missing := [limb for limb in intent.limbs if limb not in chains]:
+            known = ", ".join(limb.replace("_", " ") for limb in LIMBS if limb in chains)
+            raise ConfigError(f"tension: {robot.name} has no {missing[0].replace('_', ' ')}; expected one of: {known}")
+        return frozenset(LIMBS.index(limb) for limb in intent.limbs)
 
     def _capped(self, intent: TorqueCap, upper: Float) -> frozenset[int]:
         """The columns of the joints that are capped. Raises `ConfigError` where standing needs more."""
@@ -253,17 +300,11 @@ class RestrictionTargets:
         return frozenset(joints.values())
 
     def _relax(self, target: Target, intent: Relax) -> None:
-        """Let a restriction go: a foot, or the torque of the joints of a name."""
-        feet = {part: foot for foot, part in FOOT_PARTS.items()}
-        if intent.part in feet:
-            kind: type[Restriction] = Contact
-            free = Contact(feet[intent.part]).sides
-        else:
-            kind = TorqueCap
-            free = frozenset(joints_named(self._retargeter.robot, intent.part.partition(" ")[2]).values())
+        """Let a restriction go: a foot, the torque of the joints of a name, or the tension of a limb."""
+        kind, free = self._freed(intent.part)
         kept = [replace(one, binds=one.binds - free) if isinstance(one.intent, kind) else one for one in self._held]
         last = self._inherited
-        ends = last is not None and not free.isdisjoint(last.feet if kind is Contact else last.joints)
+        ends = last is not None and not free.isdisjoint(last.binds[kind])
         if not ends and all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
             parts = [*(one.intent.part for one in self._held), *([] if last is None else [last.words])]
             held = ", ".join(parts) or "none"
@@ -273,6 +314,18 @@ class RestrictionTargets:
             self._revisions.change()
         heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
         self._let_go.append((self._revisions.newest, heard))
+
+    def _freed(self, part: str) -> tuple[type[Restriction], frozenset[int]]:
+        """The kind of restriction that a name of `Relax` lets go, and what it binds."""
+        feet = {name: foot for foot, name in FOOT_PARTS.items()}
+        if part in feet:
+            return Contact, Contact(feet[part]).sides
+        named = part.partition(" ")[2]
+        if part.startswith(TENSION):
+            limbs = {str(limb): Tension(limb, 1.0).limbs for limb in TENSION_LIMBS}
+            require_choice(f"relax: {TENSION.strip()}", named, tuple(limbs))
+            return Tension, frozenset(LIMBS.index(limb) for limb in limbs[named])
+        return TorqueCap, frozenset(joints_named(self._retargeter.robot, named).values())
 
     def _keep(self, kept: list[_Held]) -> None:
         """Go on with these; the others are over."""

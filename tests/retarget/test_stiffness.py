@@ -19,6 +19,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.retarget.part_paths import PartGoal, PartGoals
 from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.restrictions import Restrictions
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.stiffness import LimbStiffness
 
@@ -104,6 +105,19 @@ def test_an_arm_on_the_way_to_a_target_of_its_own_is_stiff(soft: Retargeter, sla
     plan = soft.plan(state, slack[frame : frame + 34], frame, at, parts=goals)
     assert (plan.stiffness[60:120, LEFT] > 0.9).all()
     np.testing.assert_allclose(plan.stiffness[60 : plan.stop_row, RIGHT], LEAST, atol=0.02)
+
+
+def test_a_tension_that_is_asked_for_replaces_the_humans_in_a_stop_too(soft: Retargeter, slack: Motion) -> None:
+    asked = Restrictions(tension={0: 1.0, 1: 0.5})
+    state, at = soft.plan(soft.standing(), pulling(slack, "elbow_flexion_r")[:34], 0, 0).states[120], 120
+    frame = soft.next_frame(state, at, slack.fps)
+    plan = soft.plan(state, slack[frame : frame + 34], frame, at, restrictions=asked)
+    half = LEAST + 0.5 * (1.0 - LEAST)
+    np.testing.assert_allclose(plan.stiffness[-1, LEFT], 1.0, atol=0.01)
+    np.testing.assert_allclose(plan.stiffness[[plan.stop_row - 1, -1]][:, RIGHT], half, atol=0.01)
+    assert (np.abs(np.diff(plan.stiffness, axis=0)) < 0.06).all(), "no step"
+    np.testing.assert_allclose(plan.stiffness[plan.stop_row - 1, HEAD], LEAST, atol=0.02)
+    np.testing.assert_array_equal(soft.layout.view(plan.states[-1]).asked_tension, [1.0, 0.5, np.nan])
 
 
 def test_the_next_plan_goes_on_where_the_last_one_was(soft: Retargeter, slack: Motion) -> None:

@@ -1,4 +1,4 @@
-// What restricts the robot, whatever it is told, until it is let go: feet that stay on the ground, and capped torques.
+// What restricts the robot, whatever it is told, until it is let go: feet that stay on the ground, capped torques, soft arms.
 
 const JOINTS = ["knee", "hip", "ankle", "shoulder", "elbow"]; // of every humanoid, by the names of the body
 const SIDES = { "": "both", "left ": "left", "right ": "right" };
@@ -18,6 +18,10 @@ export class Restrictions {
     this.on("cap", () => {
       const limit_nm = element("limit").valueAsNumber, joint = element("capped");
       return [{ type: "torque", joint: joint.value, limit_nm }, `no more than ${limit_nm} N·m at ${joint.selectedOptions[0].text}`];
+    });
+    this.on("tense", () => {
+      const limb = element("limb"), tension = element("tension");
+      return [{ type: "tension", limb: limb.value, tension: Number(tension.value) }, `let ${limb.selectedOptions[0].text} follow ${tension.selectedOptions[0].text}`];
     });
     this.on("relax", () => [{ type: "relax", part: "all" }, "let everything go"]);
   }

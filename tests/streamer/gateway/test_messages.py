@@ -23,7 +23,7 @@ from flexmotion.streamer.gateway.messages import (
 from flexmotion.streamer.gateway.schema import schema_text
 from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
 
@@ -63,6 +63,10 @@ OWN: dict[str, dict[str, Any]] = {
     "relax": {"part": st.sampled_from(["all", "left hand", "head", "joint l_el", "both feet", "torque left knee"])},
     "contact": {"foot": st.sampled_from(["left", "right", "both"])},
     "torque": {"joint": st.sampled_from(["knee", "left knee", "l_el"]), "limit_nm": st.floats(0.01, 1000.0)},
+    "tension": {
+        "limb": st.sampled_from(["left arm", "right arm", "both arms", "head"]),
+        "tension": st.floats(0.0, 1.0),
+    },
     "kill": {"confirm": st.just("the robot will fall")},
 }
 
@@ -178,6 +182,7 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"relax"}') == Relax("all")
     assert intent('{"type":"contact","foot":"left"}') == Contact("left")
     assert intent('{"type":"torque","joint":"left knee","limit_nm":1}') == TorqueCap("left knee", 1.0)
+    assert intent('{"type":"tension","limb":"head","tension":0.5}') == Tension("head", 0.5)
     assert intent('{"type":"arm"}') is None
 
 

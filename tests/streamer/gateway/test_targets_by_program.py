@@ -14,7 +14,7 @@ from flexmotion.streamer.gateway.async_client import AsyncClient
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.motion.intents import Intent
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 from .conftest import Answering, Begin
 
@@ -43,6 +43,7 @@ TARGETS: list[tuple[Call, list[str], Intent]] = [
     ),
     (lambda client: client.contact("left"), ["--contact", "left"], Contact("left")),
     (lambda client: client.torque("left knee", 1.5), ["--torque", "left knee", "1.5"], TorqueCap("left knee", 1.5)),
+    (lambda client: client.tension("left arm", 0.3), ["--tension", "left arm", "0.3"], Tension("left arm", 0.3)),
     (lambda client: client.relax("torque left knee"), ["--relax", "torque left knee"], Relax("torque left knee")),
     (lambda client: client.relax(), ["--relax", "all"], Relax("all")),
 ]

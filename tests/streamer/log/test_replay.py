@@ -18,7 +18,7 @@ from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
 from flexmotion.streamer.motion.replan_noise import NoisySource
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.run.requests import Request
 
 
@@ -114,13 +114,16 @@ def test_targets_for_hands_and_head_are_followed_again(logged_session: Callable[
     assert replay(log, Subject.of(log)).differing == []
 
 
-def test_feet_that_stay_down_and_torque_caps_are_kept_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+def test_feet_that_stay_torque_caps_and_soft_arms_are_kept_again(
+    logged_session: Callable[..., Any], tmp_path: Path
+) -> None:
     made = logged_session(tmp_path / "restrictions.mcap")
     session = made.session
     asked = {
         150: TorqueCap("left elbow", 0.4),
         200: Hand("left", (0.12, 0.12, 0.05), 0.3),
         230: Contact("both"),
+        280: Tension("both arms", 0.1),
         330: Relax("both feet"),
     }
 
@@ -133,6 +136,7 @@ def test_feet_that_stay_down_and_torque_caps_are_kept_again(logged_session: Call
     session.next_request = operate
     session.run()
     log = read_log(made.path)
-    words = [next(word for word in ("hand", "contact", "torque", "relax") if word in one) for one in log.targets]
-    assert words == ["torque", "hand", "contact", "relax"]
+    known = ("hand", "contact", "torque", "tension", "relax")
+    words = [next(word for word in known if word in one) for one in log.targets]
+    assert words == ["torque", "hand", "contact", "tension", "relax"]
     assert replay(log, Subject.of(log)).differing == []

@@ -26,7 +26,7 @@ from flexmotion.streamer.motion.intents import (
     word_of,
 )
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import TargetMailbox
 
 _WORDS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1).filter(str.strip)
@@ -50,6 +50,7 @@ _INTENTS = st.one_of(
     st.builds(Relax, st.sampled_from(["all", "head", "left hand"])),
     st.builds(Contact, st.sampled_from(["left", "right", "both"])),
     st.builds(TorqueCap, st.sampled_from(["knee", "left knee", "l_el"]), st.floats(0.01, 1000.0)),
+    st.builds(Tension, st.sampled_from(["left arm", "right arm", "both arms", "head"]), st.floats(0.0, 1.0)),
 )
 
 

@@ -41,7 +41,7 @@ def sent(run: StandIn, number: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("viewport", [DESK, PHONE], ids=["desk", "phone"])
-def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn, viewport: dict[str, int]) -> None:
+def test_feet_are_kept_torques_capped_arms_softened_and_all_is_let_go(run: StandIn, viewport: dict[str, int]) -> None:
     """They could be asked for by programs and in words alone."""
     page = run.page
     page.select_option("#foot", "left")
@@ -51,10 +51,18 @@ def test_feet_are_kept_torques_capped_and_all_is_let_go(run: StandIn, viewport: 
     page.fill("#limit", "1.5")
     page.click("#cap button")
     assert sent(run, 51) == {"type": "torque", "joint": "knee", "limit_nm": 1.5}
+    page.select_option("#limb", "right arm")
+    page.click("#tense button")
+    assert sent(run, 52) == {"type": "tension", "limb": "right arm", "tension": 0}
     page.click("#relax button")
-    assert sent(run, 52) == {"type": "relax", "part": "all"}
+    assert sent(run, 53) == {"type": "relax", "part": "all"}
     told = page.eval_on_selector_all("#history b", "found => found.map((one) => one.textContent)")
-    assert told == ["let everything go", "no more than 1.5 N·m at both knees", "keep the left foot on the ground"]
+    assert told == [
+        "let everything go",
+        "let the right arm follow softly",
+        "no more than 1.5 N·m at both knees",
+        "keep the left foot on the ground",
+    ]
     assert page.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"] and not run.problems
 
 

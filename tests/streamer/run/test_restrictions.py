@@ -13,7 +13,7 @@ from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.motion.heard import heard_since
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
-from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.replanning import Replanner
@@ -186,6 +186,40 @@ def test_the_newest_cap_of_a_joint_counts(live: Live) -> None:
     assert implied(live, "r_el", begin) == pytest.approx(0.4, abs=0.1)
 
 
+def test_an_arm_is_as_soft_as_asked_until_it_is_let_go_and_the_newest_tension_counts(live: Live) -> None:
+    robot = live.session.robot
+    left, head = list(robot.chain("left_arm").values()), list(robot.chain("head").values())
+    least = robot.config.least_stiffness
+
+    def shares(joints: list[int]) -> Any:
+        return live.session.record.ticks.stiffness[-1, joints]
+
+    answer = asked(live, Tension("both arms", 0.0), FOREVER)
+    assert (answer.state, answer.heard_as) == ("accepted", "tension both arms")
+    assert asked(live, Text("stiffen your head"), FOREVER).heard_as == "tension head"
+    go_on(live, 1.5)
+    np.testing.assert_allclose(shares(left), least, atol=0.02)
+    np.testing.assert_allclose(shares(head), 1.0, atol=0.02)
+    assert asked(live, Tension("left arm", 1.0), FOREVER).state == "accepted"
+    go_on(live, 1.5)
+    np.testing.assert_allclose(shares(left), 1.0, atol=0.02)
+    assert asked(live, Hand("right", (0.12, -0.12, 0.05), in_s=0.5)).state in ("accepted", "moved", "slowed")
+    go_on(live, 1.5)
+    right = list(robot.chain("right_arm").values())
+    np.testing.assert_allclose(shares(right), least, atol=0.02, err_msg="also on the way to a target of its own")
+    refused = asked(live, Relax("tension nose"))
+    assert "expected one of: left arm, right arm, both arms, head; found 'nose'" in str(refused.reason)
+    assert asked(live, Relax("tension both arms")).state == "accepted"
+    assert "one of: tension head" in str(asked(live, Relax("tension left arm")).reason)
+
+
+def test_a_robot_of_one_stiffness_refuses_a_tension(live: Live) -> None:
+    robot = live.session.robot
+    robot.config = robot.config.model_copy(update={"least_stiffness": 1.0})
+    refused = asked(live, Tension("left arm", 0.5))
+    assert refused.state == "refused" and "op3 has one stiffness" in str(refused.reason)
+
+
 def test_what_is_let_go_right_after_it_was_asked_does_not_hold(live: Live) -> None:
     """Both read for one plan, the foot was kept down without end after "relax all" was accepted."""
     target = live.session.send(Contact("left"))
@@ -284,6 +318,24 @@ def test_what_a_new_planner_has_inherited_can_be_let_go(restarted: Restarted, pa
     assert asked(restarted, Relax(part)).state == "accepted"
     go_on(restarted, 0.4)
     assert restarted.notes[-1] == "over: left foot, torque l_el" and restarted.cap == np.inf
+
+
+def test_a_new_planner_leaves_an_arm_as_soft_as_it_is_until_the_next_target(capped: Restarted) -> None:
+    assert asked(capped, Tension("right arm", 0.0), FOREVER).state == "accepted"
+    go_on(capped, 1.0)
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 1.0)
+    words = "torque l_el, tension right arm"
+    assert capped.notes[-1] == f"until the next target: {words}: the planner was started again"
+    robot = capped.session.robot
+    right = list(robot.chain("right_arm").values())
+    soft = capped.session.record.ticks.stiffness[-1, right]
+    np.testing.assert_allclose(soft, robot.config.least_stiffness, atol=0.02)
+    assert asked(capped, Relax("tension right arm")).state == "accepted"
+    go_on(capped, 1.0)
+    assert capped.notes[-1] == f"over: {words}"
+    np.testing.assert_allclose(capped.session.record.ticks.stiffness[-1, right], 1.0, atol=0.02)
 
 
 def test_parking_ends_what_a_new_planner_has_inherited(restarted: Restarted) -> None:
