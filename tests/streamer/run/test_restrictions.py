@@ -252,6 +252,7 @@ class Restarted(Live):
         retargeter = new.planner.retargeter
         new.restrictions = RestrictionTargets(retargeter, new._publish, new.on_note, new._stand_still)
         new.parts = PartTargets(retargeter, new._publish, new.on_note)
+        new._due.restrictions, new._due.parts = new.restrictions, new.parts
         new.succeed()
 
     @property
