@@ -41,20 +41,14 @@ _NO_LIMIT = re.compile(
     rf"(?:remove|take\soff|lift|release|end|drop)\s(?:the\s)?(?:torque\s)?(?:limit|cap)\s(?:of|at|in|on|for|from)\s{_JOINT}"
 )
 
-_ARMS = rf"{_OWN}\s(?:both\s)?arms|both\s(?:of\s)?(?:{_OWN}\s)?arms"
-_LIMB = rf"(?:(?:{_OWN}\s)?(?P<limb>(?:left|right)\sarm|head|neck)|{_ARMS})"
-_SOFT = r"(?:soft|loose|slack|softer|looser)"
-_STIFF = r"(?:stiff|tense|rigid|firm|stiffer|firmer)"
+_ARMS = r"(?:your|the|its)\s(?:both\s)?arms|both\s(?:of\s)?(?:(?:your|the|its)\s)?arms"
+_LIMB = rf"(?:(?:(?:your|the|its)\s)?(?P<limb>(?:left|right)\sarm|head|neck)|{_ARMS})"
 _STATE = r"(?:make|let|keep|hold|leave|have)"
 _TENSIONS = (
     (re.compile(rf"(?:soften|loosen|slacken)(?:\sup)?\s{_LIMB}"), 0.0),
-    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?{_SOFT}"), 0.0),
-    (re.compile(rf"(?:stiffen|tense|tighten|harden)(?:\sup)?\s{_LIMB}"), 1.0),
-    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?{_STIFF}"), 1.0),
-)
-_NO_TENSION = re.compile(
-    rf"(?:stop|no\slonger|do\snot|don\st|dont)\s(?:keep(?:ing)?\s)?"
-    rf"(?:softening|loosening|stiffening|tensing|tightening|soften|loosen|stiffen|tense)\s{_LIMB}"
+    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?(?:soft|loose|slack)"), 0.0),
+    (re.compile(rf"(?:stiffen|tense)(?:\sup)?\s{_LIMB}"), 1.0),
+    (re.compile(rf"{_STATE}\s{_LIMB}\s(?:be\s|go\s)?(?:stiff|tense|rigid|firm)"), 1.0),
 )
 
 
@@ -66,8 +60,8 @@ class RestrictionPhrase:
         foot: that stays down, or is let go; None: the sentence is about a torque.
         joint: whose torque is capped, or let go: `knee`, `left knee`; None: the sentence is about something else.
         limit: of the torque [N·m]; None: of something else, or let go.
-        limb: that is to be soft or stiff, or is let go; None: the sentence is about something else.
-        tension: of the limb, 0 soft to 1 stiff; None: of something else, or let go.
+        limb: that is to be soft or stiff; None: the sentence is about something else.
+        tension: of the limb, 0 soft to 1 stiff; None: of something else.
         lets_go: whether the restriction is to end.
     """
 
@@ -88,8 +82,6 @@ def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
     for pattern, tension in _TENSIONS:
         if (found := pattern.fullmatch(words)) is not None:
             return RestrictionPhrase(limb=_limb(found["limb"]), tension=tension)
-    if (found := _NO_TENSION.fullmatch(words)) is not None:
-        return RestrictionPhrase(limb=_limb(found["limb"]), lets_go=True)
     if (found := _NO_LIMIT.fullmatch(words)) is not None:
         return RestrictionPhrase(joint=_joint(found["joint"]), lets_go=True)
     found = _AT_MOST.fullmatch(words) or _LIMIT.fullmatch(words)

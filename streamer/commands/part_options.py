@@ -62,7 +62,7 @@ class PartOptions:
         tuple[str, float] | None,
         typer.Option(
             "--tension",
-            metavar="LIMB SHARE",
+            metavar="LIMB TENSION",
             help='Let "left arm", "right arm", "both arms" or head follow as stiffly as that: 0 soft, 1 stiff.',
             show_default=False,
         ),
@@ -121,6 +121,6 @@ class PartOptions:
             named, limit = self.torque
             return {"type": "torque", "joint": named, "limit_nm": limit}
         if self.tension is not None:
-            limb, share = self.tension
-            return {"type": "tension", "limb": limb, "tension": share}
+            limb, tension = self.tension
+            return {"type": "tension", "limb": limb, "tension": tension}
         return {"type": "relax", "part": self.relax}

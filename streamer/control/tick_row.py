@@ -82,7 +82,7 @@ class TickRow(Record):
     """Goals that were sent [rad]."""
     stiffness: Float = column("f8", "joints")
     """Share of the robot file's stiffness with which each joint follows its reference: less where the human is not
-    tense."""
+    tense, or less is asked for."""
     q: Float = column("f8", "joints")
     """Measured angle [rad], speed `qd` [rad/s], torque `effort` [N·m], supply `voltage` [V], `temperature` [°C]."""
     qd: Float = column("f8", "joints")

@@ -27,10 +27,12 @@ from flexmotion.streamer.motion.part_intents import (
     Relax,
 )
 from flexmotion.streamer.motion.part_values import Side
+from flexmotion.streamer.motion.restriction_intents import TENSION, TENSION_LIMBS
 
 _Coordinate = Annotated[float, Field(ge=-FARTHEST_HAND_M, le=FARTHEST_HAND_M)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
 _PARTS = "all|left hand|right hand|head|left foot|right foot|both feet"
+_NAMED = rf"joint [\w./-]{{1,64}}|torque {NAMED_JOINT}|{TENSION}({'|'.join(TENSION_LIMBS)})"
 _InS = Annotated[float, Field(ge=0.0, le=LONGEST_S, description="time until it is there [s]")]
 _Angle = Annotated[float, Field(ge=0.0, le=math.pi, description="[rad]")]
 
@@ -123,12 +125,12 @@ class RelaxMessage(MessageBase):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME";
-            "all": every part that is asked for something.
+        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME",
+            "tension LIMB"; "all": every part that is asked for something.
     """
 
     type: Literal["relax"] = "relax"
-    part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|joint [\w./-]{{1,64}}|torque {NAMED_JOINT})$")] = "all"
+    part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|{_NAMED})$")] = "all"
 
 
 PartMessages = HandMessage | PointMessage | LookMessage | JointMessage | RelaxMessage

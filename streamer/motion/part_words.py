@@ -34,9 +34,8 @@ def _restriction(sentence: str) -> PartIntent | None:
     if found.foot is not None:
         contact = Contact(found.foot)
         return Relax(contact.part) if found.lets_go else contact
-    if found.limb is not None:
-        tension = Tension(found.limb, 1.0 if found.tension is None else found.tension)
-        return Relax(tension.part) if found.lets_go else tension
+    if found.limb is not None and found.tension is not None:
+        return Tension(found.limb, found.tension)
     assert found.joint is not None
     # A limit that no message could name is bounded: it is refused, or binds nothing, by what standing needs.
     cap = TorqueCap(found.joint, min(max(found.limit or LEAST_NM, LEAST_NM), MOST_NM))

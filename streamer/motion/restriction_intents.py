@@ -92,18 +92,18 @@ class Tension(Logged):
 
     Attributes:
         limb: left arm, right arm, both arms or head.
-        share: 1: as stiff as the robot file lets it be; 0: as soft (`least_stiffness`).
+        tension: 1: as stiff as the robot file lets it be; 0: as soft (`least_stiffness`).
 
     Raises:
-        ConfigError: it is no such limb, or the share is no number from 0 to 1.
+        ConfigError: it is no such limb, or the tension is no number from 0 to 1.
     """
 
     limb: Limb
-    share: float
+    tension: float
 
     def __post_init__(self) -> None:
         require_choice("tension: limb", self.limb, TENSION_LIMBS)
-        require_numbers("tension: share: expected a number", (self.share,), 1.0, 0.0)
+        require_numbers("tension: expected a number", (self.tension,), 1.0, 0.0)
 
     @property
     def part(self) -> str:
@@ -116,7 +116,7 @@ class Tension(Logged):
         return ("left_arm", "right_arm") if self.limb == "both arms" else (self.limb.replace(" ", "_"),)
 
     def __str__(self) -> str:
-        return f"{self.limb}: tension {self.share:g}"
+        return f"{self.limb}: tension {self.tension:g}"
 
 
 Restriction = Contact | TorqueCap | Tension

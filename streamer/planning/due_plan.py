@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.tick_row import TickRow
@@ -15,37 +17,40 @@ from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 
+class Records(Protocol):
+    """What the planner knows of its plans, and of what operators ask for."""
+
+    plans: PlanBuffer
+    made: MadePlans
+    ledger: TargetLedger
+    parts: PartTargets
+    restrictions: RestrictionTargets
+
+
 class DuePlan:
-    """Decides; changes nothing.
+    """Decides; makes none.
 
     Args:
-        plans, made: those that were published, and what is kept of them.
-        ledger, parts, restrictions: what operators ask for.
+        records: the planner's.
         runner: of the source's programs; None: it has none.
         mirroring: of the person who is seen; None: the source follows none.
         replan_ticks: between two plans for which nothing new is asked.
         least_unplayed: part of a plan that is left to play when the next one is made [ticks].
 
     Attributes:
-        asked_tick: at which the last plan was made.
+        asked_tick: at which the last plan was made; whoever makes plans sets it.
     """
 
     def __init__(
         self,
-        plans: PlanBuffer,
-        made: MadePlans,
-        ledger: TargetLedger,
-        parts: PartTargets,
-        restrictions: RestrictionTargets,
+        records: Records,
         runner: StepRunner | None,
         mirroring: Mirroring | None,
         *,
         replan_ticks: int,
         least_unplayed: int,
     ) -> None:
-        self.plans, self.made, self.ledger = plans, made, ledger
-        self.parts, self.restrictions = parts, restrictions
-        self.runner, self.mirroring = runner, mirroring
+        self.records, self.runner, self.mirroring = records, runner, mirroring
         self.asked_tick = 0
         self._replan_ticks, self._least_unplayed = replan_ticks, least_unplayed
 
@@ -56,20 +61,20 @@ class DuePlan:
             row: newest one of the loop.
             target: that plans should follow.
         """
-        newest, plan = self.plans.newest_id, int(row.plan)
+        newest, plan = self.records.plans.newest_id, int(row.plan)
         if newest > int(row.offer):
             return False  # the loop has not examined the last one
         if not plan:
             return self._first(row, target)
         last = int(row.pending) or plan
-        if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self.made:
+        if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self.records.made:
             return False
-        ticket = self.made.ticket(last)
+        ticket = self.records.made.ticket(last)
         if row.must_stop:
             return not (ticket.halts or row.plan_over)
         if self.is_new(target, row) or self._beside(row, last):
             return True
-        if self.ledger.halted:
+        if self.records.ledger.halted:
             return not (ticket.stops or ticket.source_over or row.plan_over)
         if row.pending:
             return False
@@ -86,15 +91,15 @@ class DuePlan:
         """The kind of plan that is due; arguments of `now`."""
         new = self.is_new(target, row)
         changes = new or self.changes
-        if row.must_stop or (self.ledger.halted and not new) or (self.rests and not changes):
+        if row.must_stop or (self.records.ledger.halted and not new) or (self.rests and not changes):
             return Kind.STOP
         # Where torques are capped a plan is judged before any of it is played.
-        short = row.plan and changes and not self.restrictions.restrictions.caps
+        short = row.plan and changes and not self.records.restrictions.restrictions.caps
         return Kind.PARTIAL if short else Kind.WHOLE
 
     def is_new(self, target: Target, row: TickRow) -> bool:
         """Whether neither the plan that plays nor the one that waits follows this target."""
-        return target.id > max(int(row.target), self.made.target_of(int(row.pending)))
+        return target.id > max(int(row.target), self.records.made.target_of(int(row.pending)))
 
     @property
     def rests(self) -> bool:
@@ -111,8 +116,8 @@ class DuePlan:
     def _first(self, row: TickRow, target: Target) -> bool:
         """Whether a plan is due where none plays."""
         tick = int(row.tick) + 1
-        beside = self.parts.wants(0, tick) or self.restrictions.wants(0, tick)
-        halted = self.ledger.halted and not (self.is_new(target, row) or beside)
+        beside = self.records.parts.wants(0, tick) or self.records.restrictions.wants(0, tick)
+        halted = self.records.ledger.halted and not (self.is_new(target, row) or beside)
         return bool(row.ready and not row.pending and not row.must_stop and not halted)
 
     def _beside(self, row: TickRow, last: int) -> bool:
@@ -120,18 +125,18 @@ class DuePlan:
         tick = int(row.tick) + 1
         if row.pending:
             return False
-        if self.parts.wants(last, tick) or self.restrictions.wants(last, tick):
+        if self.records.parts.wants(last, tick) or self.records.restrictions.wants(last, tick):
             return True
-        if self.restrictions.inherits:
+        if self.records.restrictions.inherits:
             return False  # a plan would lift the caps, though nobody asks for anything; arms stay where they are
-        plan = self.made.plan(last)
-        moves = plan is not None and self.parts.moves(plan, max(plan.end_tick, tick))
+        plan = self.records.made.plan(last)
+        moves = plan is not None and self.records.parts.moves(plan, max(plan.end_tick, tick))
         return moves and tick >= self.asked_tick + self._replan_ticks
 
     def _goes_on(self, row: TickRow) -> bool:
         """Whether the motion that plays is to be planned further."""
-        tick, refused = int(row.tick) + 1, self.plans.newest_id != int(row.plan)
-        playing = self.made.plan(int(row.plan))
+        tick, refused = int(row.tick) + 1, self.records.plans.newest_id != int(row.plan)
+        playing = self.records.made.plan(int(row.plan))
         assert playing is not None
         if playing.eased is not None and playing.eased.refused and not refused:
             return tick >= self.asked_tick + self._replan_ticks

@@ -65,8 +65,10 @@ class Replanner:
         heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
         humans: is sent the human of every plan, while someone watches.
         lockstep: ages of targets are counted in ticks, not by the clock.
+        turns: of the driver, ticks within which every joint is read once.
 
     Attributes:
+        ledger, parts, restrictions: what operators ask for; made: the plans.
         follows_targets: whether the source follows targets.
         gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
@@ -84,11 +86,12 @@ class Replanner:
         humans: HumanChannel | None = None,
         *,
         lockstep: bool = False,
+        turns: int = 1,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
         self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
         self.restrictions = RestrictionTargets(
-            planner.retargeter, self._publish, lambda message: self.on_note(message), self._stand_still
+            planner.retargeter, self._publish, lambda message: self.on_note(message), self._stand_still, turns
         )
         self.parts = PartTargets(
             planner.retargeter,
@@ -108,7 +111,7 @@ class Replanner:
         self._drift = HeadingDrift(planner.rate)
         self.follows_targets = isinstance(planner.source, LiveSource)
         self._succeeds = self.gave_up = False
-        self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
+        self.made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._withheld = -1  # the last target of which steps were not made
         self._checked = 0  # rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
@@ -131,11 +134,7 @@ class Replanner:
             self._mirroring = Mirroring(source, planner.rate, lockstep=lockstep)
         self._turns = SourceTurns(planner, self._runner, self.ledger, lambda message: self.on_note(message))
         self._due = DuePlan(
-            plans,
-            self._made,
-            self.ledger,
-            self.parts,
-            self.restrictions,
+            self,
             self._runner,
             self._mirroring,
             replan_ticks=round(settings.replan_s * planner.rate),
@@ -162,7 +161,7 @@ class Replanner:
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
-        pose = self._made.pose(row, tick)
+        pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
         now_s = self.ledger.now_s()
         self.restrictions.update(row, tick - early, now_s, self.parts.held)
@@ -230,7 +229,7 @@ class Replanner:
         )
         if self._mirroring is not None:
             self._mirroring.planned()
-        self._made.add(ticket, planned.plan, int(row.plan))
+        self.made.add(ticket, planned.plan, int(row.plan))
         self.parts.made(ticket.id, planned.plan, int(row.plan), tick)
         self.restrictions.made(ticket.id, planned.plan, int(row.plan), tick)
         self.plans.publish(ticket, planned.plan)
@@ -310,14 +309,14 @@ class Replanner:
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
             return False
         plan = self.planner.without_human(offer.plan)
-        self._made.begin_with(offer.ticket, plan)
+        self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
         self.restrictions.begin_with(offer.ticket.id, plan)
         self._succeeds, self.ledger.halted = False, True
         return True
 
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
-        return self._made.join(join, row, redraws=kind is Kind.WHOLE)
+        return self.made.join(join, row, redraws=kind is Kind.WHOLE)
 
     def _check_urgency(self, kind: Kind, target: Target, new: bool, halts: bool) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made.
@@ -348,13 +347,13 @@ class Replanner:
         if not self.follows_targets:
             ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
         pending = int(row.pending)
-        ledger.settle(row, max(int(row.target), self._made.target_of(pending)), partial(self._made.start_of, row))
+        ledger.settle(row, max(int(row.target), self.made.target_of(pending)), partial(self.made.start_of, row))
         return ledger.wanted
 
     def _stands_at(self, row: TickRow, tick: int) -> Float:
         """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
         join = self.lead.join(Kind.STOP, tick)
-        return self.planner.stands_at(join, self._made.plan(self._made.playing_at(join, row)))
+        return self.planner.stands_at(join, self.made.plan(self.made.playing_at(join, row)))
 
     def _ended(self, heard: Heard) -> None:
         """A step of a program has ended."""

@@ -72,6 +72,8 @@ class _Held:
             them over.
         until: tick at which it is over.
         born: tick at which it was sent.
+        displaced: what held before, and what of it this one has taken over. It holds again where a stop comes before
+            this one is answered: the plan that stops knows no more.
     """
 
     target: Target
@@ -81,6 +83,7 @@ class _Held:
     until: float
     heard: Heard
     revision: int
+    displaced: tuple[tuple[_Held, frozenset[int]], ...] = ()
     answered: bool = False
 
 
@@ -89,6 +92,7 @@ class RestrictionTargets:
 
     Args:
         retargeter: knows what standing needs.
+        turns: of the driver, ticks within which every joint is read once.
         publish: is given the answer to every target, once; on_note: a message for the operator.
         on_planted: called when a foot begins to stay where it is, with the reason for whoever walks.
     """
@@ -99,9 +103,10 @@ class RestrictionTargets:
         publish: Callable[[Heard], None],
         on_note: Callable[[str], None],
         on_planted: Callable[[str], None],
+        turns: int = 1,
     ) -> None:
         self._retargeter, self._publish, self._on_note, self._on_planted = retargeter, publish, on_note, on_planted
-        self._rate = retargeter.rate
+        self._rate, self._turns = retargeter.rate, turns
         self._waiting: list[tuple[Target, float]] = []
         self._held: list[_Held] = []
         self._inherited: _Inherited | None = None
@@ -136,7 +141,7 @@ class RestrictionTargets:
                 self._tell(target, "refused", ended)
             without_torque = State(int(row.state)) in _WITHOUT_TORQUE
             # A stop is made by a plan that knows no more than what was answered.
-            self._end(ended, [] if without_torque else [one for one in self._held if one.answered])
+            self._end(ended, [] if without_torque else self._certain(tick))
             return
         self._answer(row)
         if all_go:
@@ -206,8 +211,8 @@ class RestrictionTargets:
             match one.intent:
                 case TorqueCap(limit=limit):
                     caps |= dict.fromkeys(one.binds, limit)
-                case Tension(share=share):
-                    tension |= dict.fromkeys(one.binds, share)
+                case Tension(tension=asked):
+                    tension |= dict.fromkeys(one.binds, asked)
         return Restrictions(frozenset(self._planted), caps, tension)
 
     @property
@@ -254,14 +259,18 @@ class RestrictionTargets:
             return
         assert isinstance(intent, Restriction)
         before, binds = self._planted, self._bound(intent, upper)
-        kept = []
+        kept, displaced = [], list[tuple[_Held, frozenset[int]]]()
         for one in self._held:
             same = isinstance(one.intent, type(intent))
             kept.append(replace(one, binds=one.binds - binds) if same else one)
+            if same:
+                before_it = ((one, one.binds),) if one.answered else one.displaced
+                displaced += [(older, part & binds) for older, part in before_it]
         self._keep([one for one in kept if one.binds])
         heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part)
         until = born + target.holds_s * self._rate
-        self._held.append(_Held(target, intent, frozenset(binds), born, until, heard, self._revisions.change()))
+        revision = self._revisions.change()
+        self._held.append(_Held(target, intent, frozenset(binds), born, until, heard, revision, tuple(displaced)))
         if self._planted - before and self.stays is not None:
             self._on_planted(self.stays)
 
@@ -280,6 +289,11 @@ class RestrictionTargets:
         robot = self._retargeter.robot
         if robot.config.least_stiffness >= 1.0:
             raise ConfigError(f"tension: {robot.name} has one stiffness (least_stiffness 1 in its robot file)")
+        if self._turns > 1:
+            raise ConfigError(
+                f"tension: the servos of {robot.name} are read in turns, each every {self._turns} ticks: "
+                f"not often enough to soften them"
+            )
         chains = robot.mapping.chains()
         if missing := [limb for limb in intent.limbs if limb not in chains]:
             known = ", ".join(limb.replace("_", " ") for limb in LIMBS if limb in chains)
@@ -302,7 +316,7 @@ class RestrictionTargets:
     def _relax(self, target: Target, intent: Relax) -> None:
         """Let a restriction go: a foot, the torque of the joints of a name, or the tension of a limb."""
         kind, free = self._freed(intent.part)
-        kept = [replace(one, binds=one.binds - free) if isinstance(one.intent, kind) else one for one in self._held]
+        kept = [_without(one, free) if isinstance(one.intent, kind) else one for one in self._held]
         last = self._inherited
         ends = last is not None and not free.isdisjoint(last.binds[kind])
         if not ends and all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
@@ -327,6 +341,16 @@ class RestrictionTargets:
             return Tension, frozenset(LIMBS.index(limb) for limb in limbs[named])
         return TorqueCap, frozenset(joints_named(self._retargeter.robot, named).values())
 
+    def _certain(self, tick: float) -> list[_Held]:
+        """What holds by plans that were answered: without what is not answered yet, with what that has displaced."""
+        found = {one.target.id: one for one in self._held if one.answered}
+        for one in self._held:
+            for older, part in () if one.answered else one.displaced:
+                if part and older.until > tick:
+                    known = found.get(older.target.id, replace(older, binds=frozenset()))
+                    found[older.target.id] = replace(known, binds=known.binds | part)
+        return list(found.values())
+
     def _keep(self, kept: list[_Held]) -> None:
         """Go on with these; the others are over."""
         ids = {one.target.id for one in kept}
@@ -345,7 +369,7 @@ class RestrictionTargets:
         known = self._revisions.known(int(row.plan), int(row.pending))
         for place, one in enumerate(self._held):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                self._held[place] = replace(one, answered=True)
+                self._held[place] = replace(one, answered=True, displaced=())
                 self._publish(one.heard.model_copy(update={"at_s": one.heard.tick / self._rate}))
         for _, heard in [one for one in self._let_go if one[0] <= known]:
             self._publish(heard)
@@ -353,7 +377,8 @@ class RestrictionTargets:
 
     def _end(self, reason: str, kept: Sequence[_Held] = ()) -> None:
         """What holds is over, but for some, and what waits for an answer gets it."""
-        over = [one for one in self._held if one not in kept]
+        ids = {one.target.id for one in kept}
+        over = [one for one in self._held if one.target.id not in ids]
         for one in over:
             if not one.answered:
                 refused = {"state": "refused", "reason": reason, "tick": None}
@@ -362,6 +387,7 @@ class RestrictionTargets:
             self._publish(heard)
         if over:
             self._on_note(f"over: {', '.join(str(one.intent) for one in over)}")
+        if list(kept) != self._held:
             self._revisions.change()
         self._held, self._let_go = list(kept), []
 
@@ -371,3 +397,9 @@ class RestrictionTargets:
         )
         self._publish(heard)
         self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+
+
+def _without(one: _Held, free: frozenset[int]) -> _Held:
+    """A restriction that no longer holds for some of what it binds, nor does what it has displaced there."""
+    displaced = tuple((older, part - free) for older, part in one.displaced)
+    return replace(one, binds=one.binds - free, displaced=displaced)

@@ -11,7 +11,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.heard import State as Fate
-from flexmotion.streamer.motion.intents import Stop, Velocity, words_of
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity, words_of
 from flexmotion.streamer.motion.part_intents import PartIntent
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
@@ -229,8 +229,9 @@ class TargetLedger:
         planned, opened = self._planned, self._open
         if not self._gives_way or planned is None or planned.target.id != target.id or opened is None:
             return False
-        # A velocity that is sent again only holds longer; words that are sent again are done anew, and waited for it.
-        return not isinstance(target.intent, Velocity) or opened.target.intent != target.intent
+        # A velocity that is sent again only holds longer, and a stand that is asked for again is under way. Words ask
+        # for the motion anew: the second of two at once waited for `change_s`, and then cut short what had just begun.
+        return isinstance(target.intent, Text) or opened.target.intent != target.intent
 
     def give_way(self) -> None:
         """The source has taken back its turn to the last target, which no plan follows; the newer one is due.

@@ -141,4 +141,5 @@ class RunParts:
             self.heard_channel,
             self.humans,
             lockstep=self.clock == "lockstep",
+            turns=self.driver.turns,
         )

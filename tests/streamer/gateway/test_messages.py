@@ -60,7 +60,11 @@ OWN: dict[str, dict[str, Any]] = {
     "point": {"side": SIDE, "direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "look": {"direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "joint": {"joint": st.just("l_el"), "angle_rad": st.floats(-6.0, 6.0), **TIMED},
-    "relax": {"part": st.sampled_from(["all", "left hand", "head", "joint l_el", "both feet", "torque left knee"])},
+    "relax": {
+        "part": st.sampled_from(
+            ["all", "left hand", "head", "joint l_el", "both feet", "torque left knee", "tension head"]
+        )
+    },
     "contact": {"foot": st.sampled_from(["left", "right", "both"])},
     "torque": {"joint": st.sampled_from(["knee", "left knee", "l_el"]), "limit_nm": st.floats(0.01, 1000.0)},
     "tension": {

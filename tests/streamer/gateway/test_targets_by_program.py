@@ -45,6 +45,7 @@ TARGETS: list[tuple[Call, list[str], Intent]] = [
     (lambda client: client.torque("left knee", 1.5), ["--torque", "left knee", "1.5"], TorqueCap("left knee", 1.5)),
     (lambda client: client.tension("left arm", 0.3), ["--tension", "left arm", "0.3"], Tension("left arm", 0.3)),
     (lambda client: client.relax("torque left knee"), ["--relax", "torque left knee"], Relax("torque left knee")),
+    (lambda client: client.relax("tension both arms"), ["--relax", "tension both arms"], Relax("tension both arms")),
     (lambda client: client.relax(), ["--relax", "all"], Relax("all")),
 ]
 

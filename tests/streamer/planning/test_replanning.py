@@ -272,7 +272,7 @@ def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Ben
     assert bench.replanner.step(201)
     offer = bench.plans.newest(1)
     assert offer is not None
-    before = bench.replanner._made.plan(1)
+    before = bench.replanner.made.plan(1)
     assert before is not None
     row = offer.ticket.effect_row
     assert row > 0

@@ -10,7 +10,7 @@ import pytest
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
@@ -200,6 +200,18 @@ def test_words_that_are_sent_twice_at_once_are_one_change() -> None:
     assert bench.ledger.replaces(first)
     bench.ledger.give_way()
     assert bench.states == [(first.id, "superseded")] and bench.ledger.wanted == again
+
+
+@pytest.mark.parametrize("intent", [WALK, Stop(), Waypoint(1.0, 0.0)], ids=str)
+def test_what_holds_already_is_not_begun_again(intent: Intent) -> None:
+    """A robot that comes to a stand because a stick sends zeros fifty times a second stands no later for it."""
+    bench = Bench(change_s=0.2)
+    first = bench.mailbox.send(intent)
+    bench.look(100)
+    bench.ledger.turned(first, None)
+    bench.mailbox.send(intent)
+    bench.look(101)
+    assert not bench.ledger.replaces(first)
 
 
 def test_a_target_that_gives_way_while_the_robot_is_to_stand_leaves_it_standing() -> None:

@@ -276,7 +276,7 @@ def test_a_planner_that_died_while_its_first_plan_waited_follows_targets_again(m
         run.ask(Request.ARM)
         run.until(lambda: latest()["pending"] and not latest()["plan"], "the first plan to wait")
         (replanner,) = made
-        replanner._made = MadePlans(5)  # as in a new process
+        replanner.made = MadePlans(5)  # as in a new process
         replanner.succeed()
         run.until_state(State.HOLD)
         session.advance(0.1)

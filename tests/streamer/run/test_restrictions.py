@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexmotion.configs.stream import load_stream
+from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
-from flexmotion.streamer.motion.heard import heard_since
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard, heard_since
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
@@ -213,6 +216,59 @@ def test_an_arm_is_as_soft_as_asked_until_it_is_let_go_and_the_newest_tension_co
     assert "one of: tension head" in str(asked(live, Relax("tension left arm")).reason)
 
 
+def test_a_stop_right_after_a_newer_tension_leaves_the_arms_as_soft_as_they_were(live: Live) -> None:
+    """The newer one was not answered yet, and the older one had been dropped for it: the arms became stiff."""
+    robot = live.session.robot
+    arms = [joint for side in ("left", "right") for joint in robot.chain(f"{side}_arm").values()]
+    assert asked(live, Tension("both arms", 0.2), FOREVER).state == "accepted"
+    assert asked(live, TorqueCap("elbow", 0.5), FOREVER).state == "accepted"
+    go_on(live, 1.5)
+    before = live.session.record.ticks.stiffness[-1, arms]
+    assert asked(live, Tension("head", 0.0), FOREVER).state == "accepted"  # the next plan waits for a tenth of a second
+    newer = [
+        live.session.send(intent).id
+        for intent in (Tension("left arm", 0.0), Tension("both arms", 0.0), TorqueCap("elbow", 3.0))
+    ]
+    live.session.advance(2 / robot.rate_hz)
+    live.session.ask(Request.STOP)
+    go_on(live, 1.5)
+    assert [live.told[number].state for number in newer] == ["superseded", "refused", "refused"]
+    np.testing.assert_allclose(live.session.record.ticks.stiffness[-1, arms], before, atol=0.02)
+    live.session.ask(Request.CLEAR)
+    go_on(live, 0.5)
+    assert np.isfinite(live.session.record.ticks.q_cmd[-1]).all()
+    assert "one of: tension head, tension both arms, torque elbow" in str(asked(live, Relax("torque knee")).reason)
+
+
+def test_a_soft_arm_is_stiff_again_after_its_time_and_in_the_park(live: Live) -> None:
+    robot = live.session.robot
+    left = list(robot.chain("left_arm").values())
+    assert asked(live, Tension("left arm", 0.0), 1.0).state == "accepted"
+    live.session.ask(Request.STOP)
+    go_on(live, 0.8)
+    assert (live.session.record.ticks.stiffness[-1, left] < 0.5).all(), "a stop does not end it"
+    live.session.ask(Request.CLEAR)
+    go_on(live, 1.5)
+    np.testing.assert_allclose(live.session.record.ticks.stiffness[-1, left], 1.0, atol=0.02)
+    assert asked(live, Tension("left arm", 0.0), FOREVER).state == "accepted"
+    go_on(live, 1.0)
+    live.session.ask(Request.DISARM)
+    live.until_state(State.PARK)
+    go_on(live, 0.5)
+    np.testing.assert_array_equal(live.session.record.ticks.stiffness[-1, left], 1.0)
+
+
+def test_servos_that_are_read_in_turns_are_not_softened(live: Live) -> None:
+    """It was accepted, and had no effect: who touches such an arm believes it to be soft."""
+    retargeter, told = Retargeter(live.session.robot, load_stream()), list[Heard]()
+    targets = RestrictionTargets(retargeter, told.append, lambda _: None, lambda _: None, turns=3)
+    target = live.session.send(Tension("both arms", 0.0))
+    targets.take(target, 0.0)
+    row = TickRow(live.session.telemetry.ticks.latest())
+    targets.update(row, 0.0, 0.0, np.zeros(retargeter.body.upper.joints.size))
+    assert told[0].state == "refused" and "read in turns, each every 3 ticks" in str(told[0].reason)
+
+
 def test_a_robot_of_one_stiffness_refuses_a_tension(live: Live) -> None:
     robot = live.session.robot
     robot.config = robot.config.model_copy(update={"least_stiffness": 1.0})
@@ -252,7 +308,6 @@ class Restarted(Live):
         retargeter = new.planner.retargeter
         new.restrictions = RestrictionTargets(retargeter, new._publish, new.on_note, new._stand_still)
         new.parts = PartTargets(retargeter, new._publish, new.on_note)
-        new._due.restrictions, new._due.parts = new.restrictions, new.parts
         new.succeed()
 
     @property

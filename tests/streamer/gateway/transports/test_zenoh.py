@@ -223,25 +223,22 @@ def test_who_reads_a_message_on_the_router_cannot_send_it_again(
     client.wait_for_answers("alice", answers)
     answers.clear()
     client.put("targets/alice", {"type": "text", "text": "wave"})
+    wait_until(lambda: answers, "the words to be answered")
+    assert answers[0]["state"] == "accepted"
     client.put("estop", b"")
     wait_until(lambda: any(str(one.key_expr).endswith("/estop") for one in read), "the emergency stop to be read")
-    # Both answers have come before anything is sent again. That of the emergency stop is another process's: it came
-    # among the refusals once.
-    wait_until(lambda: len(answers) >= 2, "the words and the emergency stop to be answered")
-    assert [answer["state"] for answer in answers] == ["accepted"] * 2
-    assert network.served.loop.requested == [Request.ESTOP]
+    wait_until(lambda: network.served.loop.requested == [Request.ESTOP], "the emergency stop")
     sent = [one for one in read if one.attachment is not None and b'"take"' not in one.payload.to_bytes()]
     assert len(sent) == 2 and not any(TOKEN.encode() in one.attachment.to_bytes() for one in sent)
     before = len(network.served.loop.seen)
-    answers.clear()
     for one in sent:
         key, data, proof = str(one.key_expr), one.payload.to_bytes(), one.attachment.to_bytes()
         listener.put(key, data, attachment=proof)
         if "targets" in key:
             listener.put(key, json.dumps({"type": "clear"}), attachment=proof)
             listener.put(key.replace("alice", "mallory"), data, attachment=proof)
-    wait_until(lambda: len(answers) >= 3 + 1, "all to be refused")
-    assert {answer["state"] for answer in answers} == {"refused"}
+    # The answer to the emergency stop itself, from another process, may come among them.
+    wait_until(lambda: sum(answer["state"] == "refused" for answer in answers) >= 3 + 1, "all to be refused")
     assert len(network.served.loop.seen) == before and network.served.loop.requested == [Request.ESTOP]
 
 
