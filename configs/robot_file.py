@@ -265,9 +265,8 @@ class RobotFile(Strict):
 
     Attributes:
         version: of the file format; a file without this field has version 1.
-        least_stiffness: share of their stiffness with which arms and head follow a human's limb that is not tense, or one
-            of which no tension is asked; 1: they always have all of it
-            (`benchmarks/robot/tension.py`).
+        least_stiffness: least share of their stiffness with which arms and head follow: where the human's limb is not
+            tense, or a tension of 0 is asked; 1: they always have all of it (`benchmarks/robot/tension.py`).
     """
 
     version: int = 1
