@@ -21,7 +21,7 @@ export class Restrictions {
     });
     this.on("tense", () => {
       const limb = element("limb"), tension = element("tension");
-      return [{ type: "tension", limb: limb.value, tension: Number(tension.value) }, `let ${limb.selectedOptions[0].text} follow ${tension.selectedOptions[0].text}`];
+      return [{ type: "tension", limb: limb.value, tension: Number(tension.value) }, `let ${limb.selectedOptions[0].text} ${tension.selectedOptions[0].text}`];
     });
     this.on("relax", () => [{ type: "relax", part: "all" }, "let everything go"]);
   }

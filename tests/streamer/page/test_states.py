@@ -348,6 +348,8 @@ def test_the_history_tells_how_each_ended(run: StandIn) -> None:
     run.heard(201, "walk forward", "accepted", heard_as="walk", at_s=201.0)
     run.heard(202, "turn left", "accepted", heard_as="turn-left", at_s=203.0)
     run.heard(203, "left hand up", "accepted", heard_as="left hand", at_s=204.0)
+    # Beside the turn, which it does not replace; STOP does not end it.
+    run.heard(250, "soft arms", "accepted", heard_as="tension both arms", at_s=204.5)
     run.heard(204, "fly to the moon", "refused", reason=REASON, at_s=205.0)
     for number, asked in ((205, "velocity [0.5, 0.0, 0.0]"), (206, "velocity [0.4, 0.0, 0.0]"), (207, "stand still")):
         stick = {"type": "heard", "id": number, "source": "gamepad", "asked": asked, "state": "accepted"}
@@ -363,6 +365,7 @@ def test_the_history_tells_how_each_ended(run: StandIn) -> None:
         ["march", "stopped"],
         ["stick", "ended"],
         ["fly to the moon", "refused"],
+        ["soft arms", "ended"],
         ["left hand up", "stopped"],
         ["turn left", "ended"],
         ["walk forward", "replaced"],
