@@ -159,13 +159,14 @@ def _when(result: Result) -> str:
 
 GET_UP = tuple(
     Row(
-        f"up from its {side}, of perturbed robots",
+        f"up from its {way}, of perturbed robots{told}",
         "robot/get_up",
         f"{{{side}[stand]:.0f}} of {{{side}[starts]:.0f}}, in {{{side}[median_s]:.1f}} s (median); greatest torque "
         f"{{{side}[peak_nm]:.2f}} N·m, {{{side}[violations]:.0f}} goals outside the envelope",
         "all; 0",
     )
-    for side in ("front", "back")
+    for way in ("front", "back")
+    for side, told in ((way, ""), (f"{way}, limp", " that collapsed without torque"))
 )
 
 TABLES: dict[str, Callable[[Results], str]] = {
