@@ -2,10 +2,10 @@
 
 A position servo with goal g makes the torque kp (g - q) - b q'. If the load is `tau`, the joint therefore moves towards
 g - tau / kp with the time constant b / kp. A joint that is elsewhere carries another load than planned: kp times the
-distance. Where that is most of what the servo can give, and stays, the joint is blocked, or its servo does not act on
-the goals (`drivers/plant.py` has the same equations). A joint on its way to where the goals lead obeys them: an arm
-that is raised fast lags for half a second by as much as a blocked one. Whether it is on its way is judged by the change
-of its position: what a servo reports as its speed may be wrong.
+distance, times the share of the stiffness with which it follows. Where that is most of what the servo can give, and
+stays, the joint is blocked, or its servo does not act on the goals (`drivers/plant.py` has the same equations). A joint
+on its way to where the goals lead obeys them: an arm that is raised fast lags for half a second by as much as a blocked
+one. Whether it is on its way is judged by the change of its position: what a servo reports as its speed may be wrong.
 
 A slow bus reads its servos in turns and sends them goals in turns: a position is then some ticks old, and belongs to
 one of the predictions of that time. Its joint is judged by the nearest of them.
@@ -55,7 +55,8 @@ class Obedience:
         self._positions, self._predictions = np.zeros((span, robot.n)), np.zeros((turns, robot.n))
         self._place = 0
         self._stillness = Stillness(robot, turns)
-        self._aim, self._moved, self._any_overdue = np.zeros(robot.n), np.zeros(robot.n), False
+        self._aim, self._moved, self._away = np.zeros(robot.n), np.zeros(robot.n), np.zeros(robot.n)
+        self._any_overdue = False
 
     @property
     def blocked(self) -> int | None:
@@ -75,8 +76,7 @@ class Obedience:
         """What is wrong with a joint, for messages."""
         if joint == self.blocked:
             return f"it stands still while they lead it by {self._stillness.span[joint]:.2f} rad: it is blocked"
-        distance = self.load[joint] * self.robot.usable_torque[joint] / self.robot.kp[joint]
-        return f"{abs(distance):.2f} rad from where they lead, or it is blocked"
+        return f"{abs(self._away[joint]):.2f} rad from where they lead, or it is blocked"
 
     def reset(self, position: Float) -> None:
         """Begin with joints at `position`, (n,) [rad]."""
@@ -97,7 +97,7 @@ class Obedience:
             share: of its stiffness with which each joint follows, (n,) in (0, 1].
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
-        aim, predicted, load = self._aim, self.predicted, self.load
+        aim, predicted, load, away = self._aim, self.predicted, self.load, self._away
         np.divide(torque, robot.kp, out=aim)
         np.subtract(goal, aim, out=aim)
         predicted -= aim
@@ -110,11 +110,12 @@ class Obedience:
         np.subtract(position, before, out=self._moved)
         np.copyto(before, position)
         if len(self._predictions) == 1:
-            np.subtract(position, predicted, out=load)
+            np.subtract(position, predicted, out=away)
         else:
             nearest = np.clip(position, self._predictions.min(axis=0), self._predictions.max(axis=0))
-            np.subtract(position, nearest, out=load)
-        load *= robot.kp
+            np.subtract(position, nearest, out=away)
+        np.multiply(away, robot.kp, out=load)
+        load *= share  # a joint that follows softly makes so much less torque
         load /= robot.usable_torque
         if not every(known):
             np.copyto(load, 0.0, where=~known)

@@ -28,13 +28,14 @@ class Followed:
     Attributes:
         goal, position: of all joints, (n,) [rad].
         limit: distance from its prediction at which the joint carries all its usable torque [rad].
+        share: of its stiffness with which each joint follows, (n,).
     """
 
     def __init__(self, robot: Robot, name: str, turns: int = 1) -> None:
         self.obedience, self.joint = Obedience(robot, turns), robot.index(name)
         self.goal, self.position = robot.stand_pose.copy(), robot.stand_pose.copy()
         self.limit = float(robot.usable_torque[self.joint] / robot.kp[self.joint])
-        self._nothing, self._known, self._stiff = np.zeros(robot.n), np.ones(robot.n, np.bool_), np.ones(robot.n)
+        self._nothing, self._known, self.share = np.zeros(robot.n), np.ones(robot.n, np.bool_), np.ones(robot.n)
         self.obedience.reset(robot.stand_pose)
 
     @property
@@ -42,7 +43,7 @@ class Followed:
         return float(self.obedience.predicted[self.joint])
 
     def tick(self) -> None:
-        self.obedience.update(self.goal, self._nothing, self.position, self._known, self._stiff)
+        self.obedience.update(self.goal, self._nothing, self.position, self._known, self.share)
 
 
 def test_a_blocked_joint_does_not_follow_and_a_loaded_one_does(op3: Robot) -> None:
@@ -56,6 +57,21 @@ def test_a_blocked_joint_does_not_follow_and_a_loaded_one_does(op3: Robot) -> No
         knee.tick()
     assert knee.obedience.worst == knee.joint
     assert f"stands still while they lead it by {knee.limit:.2f} rad" in knee.obedience.describe(knee.joint)
+
+
+def test_a_soft_arm_is_judged_by_the_torque_that_it_makes(op3: Robot) -> None:
+    """An arm at .3 of its stiffness was called blocked where a hand of 4 N held it, which a stiff one bore."""
+    arm = Followed(op3, "l_sho_pitch")
+    arm.share[:] = 0.3
+    arm.position[arm.joint] += 1.8 * arm.limit
+    for _ in range(TICKS):
+        arm.tick()
+    assert arm.obedience.worst is None
+    arm.position[arm.joint] += 0.6 * arm.limit
+    for _ in range(TICKS):
+        arm.tick()
+    assert arm.obedience.worst == arm.joint
+    assert f"{2.4 * arm.limit:.2f} rad from where they lead" in arm.obedience.describe(arm.joint)
 
 
 def test_an_arm_that_lags_on_its_way_is_not_called_blocked(op3: Robot) -> None:

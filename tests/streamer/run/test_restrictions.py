@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
@@ -256,6 +257,26 @@ def test_a_soft_arm_is_stiff_again_after_its_time_and_in_the_park(live: Live) ->
     live.until_state(State.PARK)
     go_on(live, 0.5)
     np.testing.assert_array_equal(live.session.record.ticks.stiffness[-1, left], 1.0)
+
+
+def test_a_soft_arm_gives_way_to_a_hand_and_comes_back(live: Live) -> None:
+    """Held by 4 N, which a stiff arm bears, it was called blocked: the robot froze, and parked."""
+    robot, driver = live.session.robot, live.session.driver
+    assert isinstance(driver, SimDriver)
+    shoulder = robot.index("l_sho_pitch")
+    assert asked(live, Tension("both arms", 0.0), FOREVER).state == "accepted"
+    live.until_answered(live.session.send(Stop()).id)
+    live.until_state(State.HOLD)
+    go_on(live, 1.0)
+    before = live.session.record.ticks.q[-1, shoulder]
+    forearm = driver.model.jnt_bodyid[driver.model.joint("l_el").id]
+    driver.data.xfrc_applied[forearm, 0] = 4.0
+    go_on(live, 2.0)
+    assert np.degrees(abs(live.session.record.ticks.q[-1, shoulder] - before)) > 5.0
+    driver.data.xfrc_applied[forearm, 0] = 0.0
+    go_on(live, 1.0)
+    assert live.session.state.ladder is State.HOLD
+    assert np.degrees(abs(live.session.record.ticks.q[-1, shoulder] - before)) < 1.0
 
 
 def test_servos_that_are_read_in_turns_are_not_softened(live: Live) -> None:
