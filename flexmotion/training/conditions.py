@@ -72,6 +72,11 @@ class Conditions:
         tensors = (self.sentence, self.velocity, self.manner, self.present)
         return Conditions(self.row, *(tensor.to(device) for tensor in tensors))
 
+    def joined(self, other: Conditions) -> Conditions:
+        """Those of these windows, then those of others."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("sentence", "velocity", "manner", "present"))
+        return Conditions(np.concatenate([self.row, other.row]), *(torch.cat(pair) for pair in pairs))
+
     def unconditional(self) -> Conditions:
         """The same without any condition, for classifier-free guidance."""
         return replace(self, present=torch.zeros_like(self.present))

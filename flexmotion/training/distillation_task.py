@@ -14,6 +14,7 @@ from flexmotion.configs.model import ModelConfig
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.draws import normal, uniform
+from flexmotion.training.examples import Examples, SetExamples
 
 
 def guided(full: Tensor, any_manner: Tensor, unconditional: Tensor, guidance: Tensor) -> Tensor:
@@ -36,11 +37,15 @@ class DistillationTask:
         config: of the model.
         teacher: trained diffusion; kept as it is.
         seed: of all draws.
+        examples: windows that the student is trained on; None: those of the teacher's set.
     """
 
-    def __init__(self, config: ModelConfig, teacher: DiffusionTask, seed: int) -> None:
+    def __init__(
+        self, config: ModelConfig, teacher: DiffusionTask, seed: int, examples: Examples | None = None
+    ) -> None:
         torch.manual_seed(seed)
         self.config, self.teacher, self.seed = config, teacher, seed
+        self.examples = SetExamples(teacher) if examples is None else examples
         teacher.network.eval().requires_grad_(False)
         layout = teacher.training.store.layout
         network = Denoiser(config.diffusion, config.window, layout, teacher.autoencoder.latent, guided=True)
@@ -55,10 +60,8 @@ class DistillationTask:
 
     def _losses(self, key: tuple[int, ...], batch: int) -> tuple[Tensor, dict[str, Tensor]]:
         teacher, distillation = self.teacher, self.config.distillation
-        device = teacher.processes.device
-        windows = teacher.windows((*key, 0), batch, teacher.roll_out)
-        conditions = teacher.training.describe(windows, (*key, 1))
-        latent = teacher.normalised(teacher.training.encode(windows.history, windows.future))
+        device, example = teacher.processes.device, self.examples.draw(key, batch)
+        history, latent, conditions = example.history, example.latent, example.conditions
         place = (uniform((*key, 2), (batch,)) * distillation.grid).long()
         earlier_place = place - distillation.skip
         time = self._grid[place].to(device)
@@ -69,13 +72,13 @@ class DistillationTask:
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad(), teacher.processes.mixed_precision():
             full, any_manner, unconditional = (
-                teacher.denoise(noisy, time, windows.history, one).float()
+                teacher.denoise(noisy, time, history, one).float()
                 for one in (conditions, conditions.without_manner(), conditions.unconditional())
             )
             clean = guided(full, any_manner, unconditional, guidance)
             stepped = teacher.noise.step(noisy, clean, time, earlier)
             request = (conditions.sentence, conditions.velocity, conditions.manner, conditions.present)
-            inputs = (windows.history, *request, guidance)
+            inputs = (history, *request, guidance)
             target = self.network(stepped, earlier.clamp(min=0), *inputs).float()
             target = torch.where(earlier[:, None] < 0, clean, target)
         with teacher.processes.mixed_precision():

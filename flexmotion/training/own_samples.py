@@ -13,12 +13,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from flexmotion.configs.model import DiffusionConfig
 from flexmotion.text.manners import NORMAL, manner_wordings
 from flexmotion.text.phrases import wordings
 from flexmotion.training.conditions import Conditions
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.distillation_task import guided
 from flexmotion.training.draws import normal, uniform
+from flexmotion.training.examples import Example
 from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.set_summary import SetSummary
 
@@ -43,22 +45,32 @@ NORMAL_SHARE = 0.5
 
 
 class OwnSamples:
-    """Loss on what a model sampled before it is changed; see `stage.Task`.
+    """Loss on what a model sampled before it is changed; see `stage.Task`, and `Examples` of that for a student.
 
     Args:
         model: whose network is kept as it is now.
         encode: sentence to embedding.
         known: kinds of motion and manners that it was trained on, and a human who stands.
         seed: of all draws.
+        trained: settings that it was trained by: conditions are dropped as often, since guidance needs both.
     """
 
-    def __init__(self, model: DiffusionTask, encode: Callable[[str], np.ndarray], known: SetSummary, seed: int) -> None:
+    def __init__(
+        self,
+        model: DiffusionTask,
+        encode: Callable[[str], np.ndarray],
+        known: SetSummary,
+        seed: int,
+        trained: DiffusionConfig,
+    ) -> None:
         self._model, self._encode, self._known, self._seed = model, encode, known, seed
+        self._trained = trained
         self._device = model.processes.device
         self.network: nn.Module = model.network
         self._teacher = deepcopy(model.network).eval().requires_grad_(False)
         self._batch = model.config.stages.diffusion.batch
         self._histories, self._latents, self._conditions = self._roll_outs()
+        self._training = np.flatnonzero(np.arange(len(self._latents)) % ROLL_OUTS % HELD_OUT)
 
     def _roll_outs(self) -> tuple[Tensor, Tensor, Conditions]:
         """Histories (N, H, F), normalised latents (N, L) and conditions, window by window."""
@@ -107,10 +119,14 @@ class OwnSamples:
         tensors = (torch.from_numpy(np.asarray(values, np.float32)) for values in arrays)
         return Conditions(np.zeros(ROLL_OUTS, np.intp), *tensors).to(self._device)
 
+    def draw(self, key: tuple[int, ...], size: int) -> Example:
+        """See `Examples`."""
+        rows = torch.from_numpy(np.random.default_rng((*key, 0)).choice(self._training, size))
+        return Example(self._histories[rows], self._latents[rows], self._asked(rows, (*key, 1)))
+
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
-        rows = np.flatnonzero(np.arange(len(self._latents)) % ROLL_OUTS % HELD_OUT)
-        chosen = np.random.default_rng((self._seed, 53, step)).choice(rows, self._batch)
+        chosen = np.random.default_rng((self._seed, 53, step)).choice(self._training, self._batch)
         loss = self._loss(torch.from_numpy(chosen), (self._seed, 54, step))
         return loss, {"kept": loss}
 
@@ -121,22 +137,26 @@ class OwnSamples:
 
     def _loss(self, rows: Tensor, key: tuple[int, ...]) -> Tensor:
         """Mean square difference of the two networks' estimates; conditions are dropped as in training."""
-        diffusion, known = self._model.config.diffusion, self._conditions
-        latent, count = self._latents[rows], len(rows)
+        diffusion, history, latent = self._model.config.diffusion, self._histories[rows], self._latents[rows]
+        count = len(rows)
         time = (uniform((*key, 0), (count,)) * diffusion.steps).long().to(self._device)
         noise = normal((*key, 1), tuple(latent.shape)).to(self._device)
         noisy = self._model.noise.add_noise(latent, noise, time)
-        dropped = torch.tensor([diffusion.drop_text, diffusion.drop_velocity, diffusion.drop_manner])
-        kept = (uniform((*key, 2), (count, 3)) >= dropped).float()
-        kept[:, 2] *= kept[:, 0]  # a manner is never asked for without a sentence
-        present = known.present[rows] * kept.to(self._device)
-        conditions = Conditions(
-            known.row[rows.numpy()], known.sentence[rows], known.velocity[rows], known.manner[rows], present
-        )
-        inputs = (noisy, time, self._histories[rows], conditions)
+        inputs = (noisy, time, history, self._asked(rows, (*key, 2)))
         with torch.no_grad():
             expected = self._estimate(self._teacher, *inputs)
         return (self._estimate(self.network, *inputs) - expected).square().mean()
+
+    def _asked(self, rows: Tensor, key: tuple[int, ...]) -> Conditions:
+        """Conditions of windows, some of them dropped as in training."""
+        diffusion, known = self._trained, self._conditions
+        dropped = torch.tensor([diffusion.drop_text, diffusion.drop_velocity, diffusion.drop_manner])
+        kept = (uniform(key, (len(rows), 3)) >= dropped).float()
+        kept[:, 2] *= kept[:, 0]  # a manner is never asked for without a sentence
+        present = known.present[rows] * kept.to(self._device)
+        return Conditions(
+            known.row[rows.numpy()], known.sentence[rows], known.velocity[rows], known.manner[rows], present
+        )
 
     @staticmethod
     def _estimate(network: nn.Module, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:

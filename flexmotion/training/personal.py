@@ -23,7 +23,8 @@ from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import BEST, is_trained
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
-from flexmotion.training.feature_store import build_store
+from flexmotion.training.examples import Examples, Halves, SetExamples
+from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
 from flexmotion.training.own_samples import OwnSamples
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, Run
@@ -117,12 +118,42 @@ def personal_task(
     base_store = run.store() if run.has_features else None
     store.statistics = run.summary().statistics if base_store is None else base_store.statistics
     known = trained.stage("diffusion")
-    # A few clips may have none in the validation split.
-    held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
+    held_out = _held_out(store)
     person = DiffusionTask(
         always_asked(run.config), store, autoencoder, encode, run.seed, processes, (manner,), held_out, known
     )
     if base_store is None:
-        return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed), person)
+        return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed, run.config.diffusion), person)
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=known)
     return PersonalTask(base, person)
+
+
+def personal_teacher(run: Run) -> tuple[DiffusionTask, Examples]:
+    """The diffusion of a personalised run, and the windows that its student is distilled on.
+
+    Half of them are of the person's clips, in the person's manner; the rest of the clips that the model was trained on,
+    or where those are not at hand, of motion that it samples.
+
+    Raises:
+        ConfigError: the run has not been personalised yet.
+    """
+    if not (run.folder / PERSON / INDEX).is_file():
+        raise ConfigError(f"{run.folder}: no features of the person's clips; run 'flexmotion personalize' first")
+    autoencoder, trained = load_autoencoder(run), run.stage("diffusion")
+    encode, processes, store = SentenceEncoder(run.stage("text")), Processes(), FeatureStore(run.folder / PERSON)
+    base_store = run.store() if run.has_features else None
+    store.statistics = run.summary().statistics if base_store is None else base_store.statistics
+    config, wordings = always_asked(run.config), run.personal_wordings()
+    person = DiffusionTask(config, store, autoencoder, encode, run.seed, processes, wordings, _held_out(store), trained)
+    if base_store is None:
+        others: Examples = OwnSamples(person, encode, run.summary(), run.seed, run.config.diffusion)
+    else:
+        others = SetExamples(
+            DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=trained)
+        )
+    return person, Halves(others, SetExamples(person))
+
+
+def _held_out(store: FeatureStore) -> str:
+    """Split of the validation: a few clips may have none of it."""
+    return "validation" if any(clip.split == "validation" for clip in store.clips) else "train"

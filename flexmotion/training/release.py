@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -115,6 +116,17 @@ def write_release(run: Run, path: Path, *, stages: Sequence[str] | None = None, 
     return write_release_file(header, tensors, path)
 
 
+def offered_stages(path: Path) -> list[str]:
+    """Stages of `NEEDS` that a training may begin from: in a release, or in the files of the same training beside it.
+
+    Raises:
+        ConfigError: the file is no release.
+    """
+    release = ReleaseFile(path)
+    held = {name for name in NEEDS if name in _holding(release, name).header.stages}
+    return [name for name, needs in NEEDS.items() if held.issuperset((name, *needs))]
+
+
 def begin_run(
     path: Path, folder: Path, stages: Sequence[str], config: str | None = None, seed: int | None = None
 ) -> Run:
@@ -123,8 +135,9 @@ def begin_run(
     Args:
         path: of the release.
         folder: of the training.
-        stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder. A
-            stage that the folder has already is left as it is.
+        stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder; those
+            that the file lacks from the files of the same training beside it. A stage that the folder has already is
+            left as it is.
         config: name or file of a configuration with the same networks and windows; None for that of the release.
         seed: of everything drawn; None for that of the release.
 
@@ -144,17 +157,18 @@ def begin_run(
     if "corrections" not in asked.model_fields_set:
         asked = asked.model_copy(update={"corrections": header.config.corrections})
     wanted = list(dict.fromkeys(name for stage in stages for name in (*NEEDS.get(stage, ()), stage)))
-    for name in wanted:
-        _fitting(asked, layout, name, release)
+    files = {name: _holding(release, name) for name in wanted}
+    for name, file in files.items():
+        _fitting(asked, layout, name, file)
     run = Run.begin(folder, asked, header.seed if seed is None else seed, Origin(name=header.name, hash=release.hash))
     arrays = {name: release.tensors[name].numpy() for name in ("mean", "spread", "rest")}
     SetSummary.of(arrays, header.set_.model_dump()).write(folder)
     _unpack_text(release, run.stage(TEXT))
-    for name in wanted:
+    for name, file in files.items():
         if is_trained(run.stage(name)):
             continue
         run.stage(name).mkdir(exist_ok=True)
-        content = {"network": release.weights(name), **header.stages[name].model_dump(), BEGUN: release.hash}
+        content = {"network": file.weights(name), **file.header.stages[name].model_dump(), BEGUN: release.hash}
         write_checkpoint(content, run.stage(name) / BEST)
     return run
 
@@ -185,6 +199,26 @@ def _network(config: ModelConfig, layout: Layout, stage: str) -> nn.Module:
     if stage == "control":
         return ControlBranch(denoiser, config.control, config.window, layout)
     return denoiser
+
+
+def _holding(release: ReleaseFile, stage: str) -> ReleaseFile:
+    """The file with the weights of a stage: the release, or one of the same training beside it."""
+    if stage in release.header.stages:
+        return release
+    for path in sorted(release.path.parent.glob(f"*{release.path.suffix}")):
+        with suppress(ConfigError):  # of another program, or damaged: not of this training
+            other = ReleaseFile(path)
+            if stage in other.header.stages and _same_training(release, other):
+                return other
+    return release  # which names the stages that it has
+
+
+def _same_training(one: ReleaseFile, other: ReleaseFile) -> bool:
+    """Whether two releases are of networks that understand each other: same settings, words and statistics."""
+    ours, theirs = one.header, other.header
+    if (ours.layout, ours.text) != (theirs.layout, theirs.text) or different_settings(ours.config, theirs.config):
+        return False
+    return all(torch.equal(one.tensors[name], other.tensors[name]) for name in ("mean", "spread", "rest"))
 
 
 def _fitting(config: ModelConfig, layout: Layout, stage: str, release: ReleaseFile) -> None:

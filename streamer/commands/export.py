@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -13,7 +14,12 @@ from flexmotion.streamer.commands.train import needs_training
 
 
 def export(
-    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote.")],
+    training: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TRAINING|WEIGHTS", help="Folder that `train` wrote, or file of `export --weights`, for a bundle."
+        ),
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the bundle, or file of the weights.")],
     distilled: Annotated[
         bool, typer.Option("--distilled/--diffusion", help="The distilled model of few steps, or the diffusion model.")
@@ -60,6 +66,8 @@ def export(
       flexmotion export training -o bundle --corrections former_bundle
 
       flexmotion export training --weights -o released.safetensors
+
+      flexmotion export released.safetensors -o bundle
     """
     needs_training()
     if weights and eight_bits:
@@ -73,17 +81,20 @@ def export(
     from flexmotion.configs.corrections import Corrections
     from flexmotion.human.body import Body
     from flexmotion.training.export import export as write
+    from flexmotion.training.release import begin_run, offered_stages
     from flexmotion.training.run import Run
 
-    bundle = write(
-        Run(training),
-        out,
-        distilled=distilled,
-        body=Body(height=height, mass=mass),
-        description=description,
-        corrections=None if corrections is None else read_corrections(corrections),
-        eight_bits=eight_bits,
-    )
+    with TemporaryDirectory() as place:
+        run = begin_run(training, Path(place), offered_stages(training)) if training.is_file() else Run(training)
+        bundle = write(
+            run,
+            out,
+            distilled=distilled,
+            body=Body(height=height, mass=mass),
+            description=description,
+            corrections=None if corrections is None else read_corrections(corrections),
+            eight_bits=eight_bits,
+        )
     if bundle.manifest.corrections == Corrections():
         print_note("no corrections: words are not slowed to a robot's pace")
     size = sum(path.stat().st_size for path in out.iterdir()) / 1e6

@@ -219,15 +219,22 @@ def diffusion(run: Run, finish: Finish) -> None:
 
 @_stage
 def distill(run: Run, finish: Finish) -> None:
-    """Distil the diffusion model to a few steps; needs diffusion.
+    """Distil the diffusion model to a few steps; needs diffusion. A personalised one needs no more than a thousand.
 
     [bold]Examples[/bold]
 
       flexmotion train distill -o training
+
+      flexmotion train distill -o ada_training --steps 600
     """
     from flexmotion.training.checkpoints import load_weights
     from flexmotion.training.distillation_task import DistillationTask
+    from flexmotion.training.personal import personal_teacher
 
+    if run.personal_wordings():
+        person, examples = personal_teacher(run)
+        finish(DistillationTask(run.config, person, run.seed, examples))
+        return
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
     finish(DistillationTask(run.config, teacher, run.seed))

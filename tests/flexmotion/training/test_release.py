@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from shutil import copytree
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from flexmotion.training.autoencoder_task import load_autoencoder  # noqa: E402
 from flexmotion.training.checkpoints import BEST, LAST, load_weights, read_checkpoint, write_checkpoint  # noqa: E402
 from flexmotion.training.export import export, load_networks  # noqa: E402
 from flexmotion.training.half_weights import LEAST  # noqa: E402
-from flexmotion.training.personal import personal_run, personal_task  # noqa: E402
+from flexmotion.training.personal import personal_run, personal_task, personal_teacher  # noqa: E402
 from flexmotion.training.release import begin_run, write_release  # noqa: E402
 from flexmotion.training.release_file import METADATA, ReleaseFile, write_release_file  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
@@ -179,6 +180,64 @@ def test_a_release_is_personalised_without_any_other_set(
     assert float(parts["kept"]) == 0.0 and float(parts["learnt"]) > 0.0
     again, _ = task.losses(0)
     assert float(again) == float(loss)
+    # Guidance needs what is done without a request, too: that was not kept, and drifted.
+    asked = task._base.draw((1,), 256).conditions.present
+    assert 0.0 < float((asked[:, 0] == 0.0).float().mean()) < 0.5
+
+
+def test_a_personalised_release_is_distilled_on_the_person_and_on_its_own_samples(
+    released: Path, small_set: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It asked for the features of a set: a bundle for a robot could not be made of the shipped weights."""
+    monkeypatch.setattr(own_samples, "ROLL_OUTS", 16)
+    folder = str(tmp_path / "ada")
+    personalize = ["personalize", str(released), "--set", str(small_set), "--manner", "like Ada"]
+    assert execute([*personalize, "-o", folder, "--steps", "2"]) == 0
+    assert execute(["train", "distill", "-o", folder, "--steps", "2"]) == 0
+    run = Run(tmp_path / "ada")
+    sampler = Sampler(export(run, tmp_path / "bundle", distilled=True))
+    assert sampler.bundle.manifest.guided and sampler.prompt("walk like Ada").manner == "like Ada"
+    person, examples = personal_teacher(run)
+    asked = examples.draw((3,), 64).conditions
+    ada = person.training.describe(person.training.draw((1,), 1), (2,)).manner[0]
+    hers = (asked.manner == ada).all(dim=1)
+    assert bool(hers[32:].all()) and not bool(hers[:32].any())
+    assert bool(asked.present[32:, 2].all())
+
+
+def test_a_personalised_training_is_distilled_on_its_set_and_the_person(
+    trained: Run, small_set: Path, stages: Any, tmp_path: Path
+) -> None:
+    """The person's manner was never asked for in its distillation: the student did not know it."""
+    run = personal_run(trained, tmp_path / "ada", "like Ada")
+    with pytest.raises(ConfigError, match="flexmotion personalize"):
+        personal_teacher(run)
+    stages.train(run, "diffusion", personal_task(run, trained, small_set, "like Ada"), 2)
+    assert execute(["train", "distill", "-o", str(run.folder), "--steps", "2"]) == 0
+    _, examples = personal_teacher(run)
+    asked = examples.draw((3,), 64).conditions
+    assert not torch.equal(asked.manner[0], asked.manner[-1]) and bool(asked.present[32:, 2].all())
+
+
+def test_stages_that_a_release_lacks_are_found_in_the_files_of_the_same_training_beside_it(
+    trained: Run, tmp_path: Path
+) -> None:
+    """The student and the control branch lie in files of their own, and no command could begin from them."""
+    write_release(trained, tmp_path / "main.safetensors", stages=["autoencoder", "diffusion", "text"])
+    with pytest.raises(ConfigError, match="has no stage 'distill', expected one of: autoencoder, diffusion"):
+        begin_run(tmp_path / "main.safetensors", tmp_path / "none", ["distill"])
+    save_file({"foreign": torch.zeros(2)}, tmp_path / "foreign.safetensors")
+    write_release(trained, tmp_path / "student.safetensors", stages=["distill"])
+    run = begin_run(tmp_path / "main.safetensors", tmp_path / "new", ["distill"])
+    found, expected = load_networks(run, distilled=True)[1], load_networks(trained, distilled=True)[1]
+    for name, value in expected.state_dict().items():
+        torch.testing.assert_close(found.state_dict()[name], value, atol=2e-3, rtol=2e-3)
+    # Of a training on another set, whose features have other units.
+    other = ReleaseFile(tmp_path / "student.safetensors")
+    tensors = dict(other.tensors) | {"mean": other.tensors["mean"] + 1.0}
+    write_release_file(other.header, tensors, tmp_path / "student.safetensors")
+    with pytest.raises(ConfigError, match="has no stage 'distill'"):
+        begin_run(tmp_path / "main.safetensors", tmp_path / "foreign", ["distill"])
 
 
 def test_a_release_without_its_sentence_encoder_finds_it_beside_it_or_in_a_bundle(
@@ -263,7 +322,7 @@ def test_a_release_of_a_training_that_is_still_running(
     copytree(trained.folder, copy, ignore=lambda _, names: [name for name in names if name in ("text", "diffusion")])
     path = tmp_path / "now.safetensors"
     assert execute(["export", str(copy), "--weights", "-o", str(path), "--stages", "autoencoder"]) == 0
-    assert "autoencoder at step" in capsys.readouterr().out
+    assert "autoencoder at step" in " ".join(capsys.readouterr().out.split())  # lines are as wide as the terminal
     run = begin_run(path, tmp_path / "new", ["autoencoder"])
     assert not run.stage("text").exists() and ReleaseFile(path).header.text == {}
     expected = load_autoencoder(trained)
