@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from flexmotion.bundles.bundle import Bundle  # noqa: E402
-from flexmotion.bundles.shipped import shipped_bundle  # noqa: E402
-from flexmotion.human.kinematics import forward  # noqa: E402
-from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
-from flexmotion.streamer.cli import execute  # noqa: E402
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.human.kinematics import forward
+from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.streamer.cli import execute
 
 WEIGHTS = Path(__file__).parents[3] / "weights" / "stream.safetensors"
 
