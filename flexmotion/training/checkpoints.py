@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,7 @@ def training_record(folder: Path) -> Trained:
     return Trained(best["steps"], best["processes"], best["batch"], best["step"], best["figures"])
 
 
-def digest(weights: dict[str, nn.Parameter]) -> str:
+def digest(weights: Mapping[str, Tensor]) -> str:
     """SHA-256 of weights, to tell them apart; the sign of a zero does not count."""
     content = hashlib.sha256()
     for name in sorted(weights):

@@ -36,7 +36,12 @@ class Examples(Protocol):
     """A source of windows."""
 
     def draw(self, key: tuple[int, ...], size: int) -> Example:
-        """Windows that depend on the key alone."""
+        """Windows.
+
+        Args:
+            key: all that the draw depends on.
+            size: number of windows.
+        """
         ...
 
 

@@ -52,7 +52,7 @@ class OwnSamples:
         encode: sentence to embedding.
         known: kinds of motion and manners that it was trained on, and a human who stands.
         seed: of all draws.
-        trained: settings that it was trained by: conditions are dropped as often, since guidance needs both.
+        settings: that it was trained by: conditions are dropped as often, since guidance needs both.
     """
 
     def __init__(
@@ -61,10 +61,10 @@ class OwnSamples:
         encode: Callable[[str], np.ndarray],
         known: SetSummary,
         seed: int,
-        trained: DiffusionConfig,
+        settings: DiffusionConfig,
     ) -> None:
         self._model, self._encode, self._known, self._seed = model, encode, known, seed
-        self._trained = trained
+        self._settings = settings
         self._device = model.processes.device
         self.network: nn.Module = model.network
         self._teacher = deepcopy(model.network).eval().requires_grad_(False)
@@ -120,7 +120,7 @@ class OwnSamples:
         return Conditions(np.zeros(ROLL_OUTS, np.intp), *tensors).to(self._device)
 
     def draw(self, key: tuple[int, ...], size: int) -> Example:
-        """See `Examples`."""
+        """See `Examples`. Histories get no noise: they have the errors of the model's own samples."""
         rows = torch.from_numpy(np.random.default_rng((*key, 0)).choice(self._training, size))
         return Example(self._histories[rows], self._latents[rows], self._asked(rows, (*key, 1)))
 
@@ -149,7 +149,7 @@ class OwnSamples:
 
     def _asked(self, rows: Tensor, key: tuple[int, ...]) -> Conditions:
         """Conditions of windows, some of them dropped as in training."""
-        diffusion, known = self._trained, self._conditions
+        diffusion, known = self._settings, self._conditions
         dropped = torch.tensor([diffusion.drop_text, diffusion.drop_velocity, diffusion.drop_manner])
         kept = (uniform(key, (len(rows), 3)) >= dropped).float()
         kept[:, 2] *= kept[:, 0]  # a manner is never asked for without a sentence

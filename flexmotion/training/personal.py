@@ -134,11 +134,14 @@ def personal_teacher(run: Run) -> tuple[DiffusionTask, Examples]:
     Half of them are of the person's clips, in the person's manner; the rest of the clips that the model was trained on,
     or where those are not at hand, of motion that it samples.
 
+    Returns:
+        The diffusion, on the person's clips; the windows.
+
     Raises:
         ConfigError: the run has not been personalised yet.
     """
-    if not (run.folder / PERSON / INDEX).is_file():
-        raise ConfigError(f"{run.folder}: no features of the person's clips; run 'flexmotion personalize' first")
+    if not (run.folder / PERSON / INDEX).is_file() or not is_trained(run.stage("diffusion")):
+        raise ConfigError(f"{run.folder}: not personalised yet; run 'flexmotion personalize' first")
     autoencoder, trained = load_autoencoder(run), run.stage("diffusion")
     encode, processes, store = SentenceEncoder(run.stage("text")), Processes(), FeatureStore(run.folder / PERSON)
     base_store = run.store() if run.has_features else None

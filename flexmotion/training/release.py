@@ -7,6 +7,7 @@ begins from it goes on at the step of those weights.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
@@ -27,6 +28,8 @@ from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import (
     BEGUN,
     BEST,
+    begun_from,
+    digest,
     fill,
     is_trained,
     read_checkpoint,
@@ -46,7 +49,7 @@ from flexmotion.training.release_file import (
     halved,
     write_release_file,
 )
-from flexmotion.training.run import Origin, Run, different_settings, layout_of
+from flexmotion.training.run import PERSONAL, Origin, Run, different_settings, layout_of
 from flexmotion.training.set_summary import SetSummary
 
 NEEDS: dict[str, tuple[str, ...]] = {
@@ -58,6 +61,9 @@ NEEDS: dict[str, tuple[str, ...]] = {
 }
 """Stages of which a release can hold weights, and the stages that they build on. The stage `forces` is part of the
 autoencoder there."""
+
+_BUILT_ON = {"distill": "diffusion", "control": "distill"}
+"""The stage whose weights a stage that may lie in a file of its own was trained on."""
 
 TEXT = "text"
 TEXT_FILES = (NETWORK, VOCABULARY)
@@ -111,13 +117,15 @@ def write_release(run: Run, path: Path, *, stages: Sequence[str] | None = None, 
         set=SetFigures(**summary.figures()),
         text={name: hashlib.sha256(content).hexdigest() for name, content in encoder.items()},
         begun=run.origin.hash if run.origin else "",
+        built_on={name: _mark(_trained_weights(run, below)) for name, below in _BUILT_ON.items() if name in chosen},
+        personal=list(run.personal_wordings()),
         versions={name: version(name) for name in LIBRARIES},
     )
     return write_release_file(header, tensors, path)
 
 
 def offered_stages(path: Path) -> list[str]:
-    """Stages of `NEEDS` that a training may begin from: in a release, or in the files of the same training beside it.
+    """Stages of `NEEDS` that a training may begin from: in a release, or in files beside it, see `begin_run`.
 
     Raises:
         ConfigError: the file is no release.
@@ -135,9 +143,10 @@ def begin_run(
     Args:
         path: of the release.
         folder: of the training.
-        stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder; those
-            that the file lacks from the files of the same training beside it. A stage that the folder has already is
-            left as it is.
+        stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder; a
+            student and a control branch that the file lacks from files beside it that were trained on its weights. A
+            stage that the folder has already is left as it is, and none is added to what the folder has trained
+            further.
         config: name or file of a configuration with the same networks and windows; None for that of the release.
         seed: of everything drawn; None for that of the release.
 
@@ -163,12 +172,14 @@ def begin_run(
     run = Run.begin(folder, asked, header.seed if seed is None else seed, Origin(name=header.name, hash=release.hash))
     arrays = {name: release.tensors[name].numpy() for name in ("mean", "spread", "rest")}
     SetSummary.of(arrays, header.set_.model_dump()).write(folder)
+    if header.personal:
+        (run.folder / PERSONAL).write_text(json.dumps(header.personal), encoding="utf-8")
     _unpack_text(release, run.stage(TEXT))
     for name, file in files.items():
-        if is_trained(run.stage(name)):
+        if is_trained(run.stage(name)) or (name in _BUILT_ON and _trained_further(run, NEEDS[name])):
             continue
         run.stage(name).mkdir(exist_ok=True)
-        content = {"network": file.weights(name), **file.header.stages[name].model_dump(), BEGUN: release.hash}
+        content = {"network": file.weights(name), **file.header.stages[name].model_dump(), BEGUN: file.hash}
         write_checkpoint(content, run.stage(name) / BEST)
     return run
 
@@ -202,23 +213,30 @@ def _network(config: ModelConfig, layout: Layout, stage: str) -> nn.Module:
 
 
 def _holding(release: ReleaseFile, stage: str) -> ReleaseFile:
-    """The file with the weights of a stage: the release, or one of the same training beside it."""
-    if stage in release.header.stages:
+    """The file with the weights of a stage: the release, or one beside it that was trained on its weights."""
+    below = _BUILT_ON.get(stage)
+    if stage in release.header.stages or below is None:
         return release
+    base = _holding(release, below)
+    mark = _mark(base.weights(below)) if below in base.header.stages else None
     for path in sorted(release.path.parent.glob(f"*{release.path.suffix}")):
-        with suppress(ConfigError):  # of another program, or damaged: not of this training
+        if path == release.path:
+            continue
+        with suppress(ConfigError, OSError, ValueError):  # of another program, or not readable: none of this training
             other = ReleaseFile(path)
-            if stage in other.header.stages and _same_training(release, other):
+            if stage in other.header.stages and other.header.built_on.get(stage) == mark:
                 return other
     return release  # which names the stages that it has
 
 
-def _same_training(one: ReleaseFile, other: ReleaseFile) -> bool:
-    """Whether two releases are of networks that understand each other: same settings, words and statistics."""
-    ours, theirs = one.header, other.header
-    if (ours.layout, ours.text) != (theirs.layout, theirs.text) or different_settings(ours.config, theirs.config):
-        return False
-    return all(torch.equal(one.tensors[name], other.tensors[name]) for name in ("mean", "spread", "rest"))
+def _mark(weights: Mapping[str, Tensor]) -> str:
+    """Digest of weights as a release stores them."""
+    return digest({name: halved(value).float() for name, value in sorted(weights.items())})
+
+
+def _trained_further(run: Run, stages: Sequence[str]) -> bool:
+    """Whether a folder has trained one of these stages itself."""
+    return any(is_trained(run.stage(name)) and begun_from(run.stage(name)) is None for name in stages)
 
 
 def _fitting(config: ModelConfig, layout: Layout, stage: str, release: ReleaseFile) -> None:

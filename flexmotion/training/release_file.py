@@ -79,6 +79,9 @@ class ReleaseHeader(Strict):
         set_: the training set.
         text: SHA-256 of the sentence encoder's files by name; they lie in this file or in a bundle; empty for none.
         begun: hash of the release that this training began from; empty for none.
+        built_on: digest of the weights that a stage was trained on, by the stage; by it the stage is found in a file of
+            its own. Files of earlier versions have none.
+        personal: wordings of the manner that the training was personalised to.
         versions: of the libraries that made it.
         sha256: of all the above and of the tensors.
     """
@@ -93,6 +96,8 @@ class ReleaseHeader(Strict):
     set_: SetFigures = Field(alias="set")
     text: dict[str, str] = {}
     begun: str = ""
+    built_on: dict[str, str] = {}
+    personal: list[str] = []
     versions: dict[str, str] = {}
     sha256: str = ""
 

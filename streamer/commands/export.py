@@ -73,6 +73,8 @@ def export(
     if weights and eight_bits:
         raise typer.BadParameter("--eight-bits: of a bundle; weights to train further from are in half precision")
     if weights:
+        if training.is_file():
+            raise typer.BadParameter(f"{training} is a weights file already; a bundle is made of it without --weights")
         _export_weights(training, out, stages, description, as_json)
         return
     if stages is not None:
@@ -85,7 +87,12 @@ def export(
     from flexmotion.training.run import Run
 
     with TemporaryDirectory() as place:
-        run = begin_run(training, Path(place), offered_stages(training)) if training.is_file() else Run(training)
+        if training.is_file():
+            needed = ["distill"] if distilled else ["diffusion"]
+            more = [name for name in ("control",) if distilled and name in offered_stages(training)]
+            run = begin_run(training, Path(place), needed + more)
+        else:
+            run = Run(training)
         bundle = write(
             run,
             out,

@@ -20,6 +20,7 @@ def train_and_report(
     as_json: bool,
     *,
     pretrained: str = "",
+    examples: str = "",
 ) -> None:
     """Train a stage of a run with a progress bar on stderr, and print the result, in the first process alone.
 
@@ -33,6 +34,7 @@ def train_and_report(
         minutes: time after which training stops.
         as_json: print JSON.
         pretrained: digest of the trained weights that the task starts with; empty for a new network.
+        examples: what it is trained on, where that is not the set: a stage does not go on with others.
     """
     from flexmotion.training.checkpoints import BEST, begun_from, read_checkpoint
     from flexmotion.training.processes import Processes
@@ -67,7 +69,7 @@ def train_and_report(
             task,
             stage,
             folder,
-            fingerprint=run.fingerprint() + pretrained,
+            fingerprint=run.fingerprint() + pretrained + examples,
             seconds=None if minutes is None else 60 * minutes,
             progress=follow,
             processes=processes,

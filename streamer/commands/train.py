@@ -77,7 +77,7 @@ def needs_training() -> None:
 class Finish(Protocol):
     """Trains a stage's task and prints its progress."""
 
-    def __call__(self, task: Task, *, pretrained: str = "") -> None:
+    def __call__(self, task: Task, *, pretrained: str = "", examples: str = "") -> None:
         """As `train_and_report`."""
         ...
 
@@ -101,8 +101,8 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
         if data is not None:
             _prepare(run, data, only)
 
-        def finish(task: Task, *, pretrained: str = "") -> None:
-            train_and_report(run, name, task, steps, minutes, as_json, pretrained=pretrained)
+        def finish(task: Task, *, pretrained: str = "", examples: str = "") -> None:
+            train_and_report(run, name, task, steps, minutes, as_json, pretrained=pretrained, examples=examples)
 
         prepare(run, finish)
 
@@ -233,7 +233,8 @@ def distill(run: Run, finish: Finish) -> None:
 
     if run.personal_wordings():
         person, examples = personal_teacher(run)
-        finish(DistillationTask(run.config, person, run.seed, examples))
+        beside = "set" if run.has_features else "own samples"
+        finish(DistillationTask(run.config, person, run.seed, examples), examples=f"person, {beside}")
         return
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))

@@ -3,7 +3,9 @@
 A position servo with goal g makes the torque kp (g - q) - b q'. If the load is `tau`, the joint therefore moves towards
 g - tau / kp with the time constant b / kp. A joint that is elsewhere carries another load than planned: kp times the
 distance, times the share of the stiffness with which it follows. Where that is most of what the servo can give, and
-stays, the joint is blocked, or its servo does not act on the goals (`drivers/plant.py` has the same equations). A joint
+stays, the joint is blocked, or its servo does not act on the goals (`drivers/plant.py` has the same equations). Goals
+are bounded to the torque that the servo has, so that a joint which follows with less than `SHARE` of its stiffness is
+never found by this: it presses softly, and may be held. Where its goals lead it on, `Stillness` finds it. A joint
 on its way to where the goals lead obeys them: an arm that is raised fast lags for half a second by as much as a blocked
 one. Whether it is on its way is judged by the change of its position: what a servo reports as its speed may be wrong.
 

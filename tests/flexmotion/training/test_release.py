@@ -232,12 +232,45 @@ def test_stages_that_a_release_lacks_are_found_in_the_files_of_the_same_training
     found, expected = load_networks(run, distilled=True)[1], load_networks(trained, distilled=True)[1]
     for name, value in expected.state_dict().items():
         torch.testing.assert_close(found.state_dict()[name], value, atol=2e-3, rtol=2e-3)
-    # Of a training on another set, whose features have other units.
+    # Of another training, on the same set: its latents would not fit.
     other = ReleaseFile(tmp_path / "student.safetensors")
-    tensors = dict(other.tensors) | {"mean": other.tensors["mean"] + 1.0}
-    write_release_file(other.header, tensors, tmp_path / "student.safetensors")
+    header = other.header.model_copy(update={"built_on": {"distill": "0" * 64}})
+    write_release_file(header, other.tensors, tmp_path / "student.safetensors")
     with pytest.raises(ConfigError, match="has no stage 'distill'"):
-        begin_run(tmp_path / "main.safetensors", tmp_path / "foreign", ["distill"])
+        begin_run(tmp_path / "main.safetensors", tmp_path / "other", ["distill"])
+
+
+def test_no_student_is_added_to_a_diffusion_that_was_trained_further(
+    trained: Run, small_set: Path, stages: Any, tmp_path: Path
+) -> None:
+    """Control was then trained on a student of other weights."""
+    write_release(trained, tmp_path / "main.safetensors")
+    run = begin_run(tmp_path / "main.safetensors", tmp_path / "new", ["diffusion"])
+    write_checkpoint({"step": 7}, run.stage("diffusion") / LAST)
+    begin_run(tmp_path / "main.safetensors", tmp_path / "new", ["distill"])
+    assert not (run.stage("distill") / BEST).is_file()
+
+
+def test_a_personalised_release_knows_its_manner(trained: Run, small_set: Path, stages: Any, tmp_path: Path) -> None:
+    """The bundle of the weights file did not know "like Ada"."""
+    run = personal_run(trained, tmp_path / "ada", "like Ada")
+    stages.train(run, "diffusion", personal_task(run, trained, small_set, "like Ada"), 2)
+    path, made = tmp_path / "ada.safetensors", tmp_path / "bundle"
+    assert execute(["export", str(run.folder), "--weights", "-o", str(path)]) == 0
+    assert execute(["export", str(path), "--diffusion", "-o", str(made)]) == 0
+    assert Sampler(Bundle(made), steps=2).prompt("walk like Ada").manner == "like Ada"
+
+
+def test_a_bundle_of_a_release_without_a_student_names_the_file(
+    trained: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The message named a folder that was gone."""
+    path = tmp_path / "main.safetensors"
+    write_release(trained, path, stages=["autoencoder", "diffusion", "text"])
+    assert execute(["export", str(path), "-o", str(tmp_path / "bundle")]) == 2
+    assert "main.safetensors: has no stage 'distill'" in "".join(capsys.readouterr().err.split("\n"))
+    assert not (tmp_path / "bundle").exists()
+    assert execute(["export", str(path), "--weights", "-o", str(tmp_path / "again.safetensors")]) == 2
 
 
 def test_a_release_without_its_sentence_encoder_finds_it_beside_it_or_in_a_bundle(

@@ -67,11 +67,12 @@ def test_a_soft_arm_is_judged_by_the_torque_that_it_makes(op3: Robot) -> None:
     for _ in range(TICKS):
         arm.tick()
     assert arm.obedience.worst is None
-    arm.position[arm.joint] += 0.6 * arm.limit
+    arm.share[:] = 0.8
+    arm.position[arm.joint] -= 0.9 * arm.limit
     for _ in range(TICKS):
         arm.tick()
     assert arm.obedience.worst == arm.joint
-    assert f"{2.4 * arm.limit:.2f} rad from where they lead" in arm.obedience.describe(arm.joint)
+    assert f"{0.9 * arm.limit:.2f} rad from where they lead" in arm.obedience.describe(arm.joint)
 
 
 def test_an_arm_that_lags_on_its_way_is_not_called_blocked(op3: Robot) -> None:

@@ -59,7 +59,7 @@ def test_feet_are_kept_torques_capped_arms_softened_and_all_is_let_go(run: Stand
     told = page.eval_on_selector_all("#history b", "found => found.map((one) => one.textContent)")
     assert told == [
         "let everything go",
-        "let right arm be soft",
+        "let the right arm be soft",
         "no more than 1.5 N·m at both knees",
         "keep the left foot on the ground",
     ]
