@@ -19,6 +19,8 @@ export class Stick {
     this.pad.addEventListener("pointerdown", (event) => { this.pad.setPointerCapture(event.pointerId); this.hold(event); });
     this.pad.addEventListener("pointermove", (event) => { if (this.pad.hasPointerCapture(event.pointerId)) this.hold(event); });
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) this.pad.addEventListener(end, () => this.release());
+    // A press on what is selected would drag it, and let the stick go.
+    for (const begin of ["dragstart", "selectstart"]) this.pad.addEventListener(begin, (event) => event.preventDefault());
     this.pad.addEventListener("keydown", (event) => this.key(event, true));
     this.pad.addEventListener("keyup", (event) => this.key(event, false));
     this.pad.addEventListener("blur", () => this.release());

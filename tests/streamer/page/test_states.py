@@ -331,6 +331,19 @@ def test_a_stick_that_a_stop_takes_away_sends_nothing_more(run: StandIn) -> None
     assert run.asked == []
 
 
+def test_a_stick_that_a_stop_took_away_can_be_held_again(run: StandIn) -> None:
+    """The hand had selected what lies under the stick: the next press dragged that, and the stick let go at once."""
+    hold_the_stick_ahead(run)
+    run.status("STREAMING", must_stop=True)
+    run.until(lambda: run.page.inner_text("#state") == "stopping", "the state")
+    run.page.mouse.up()
+    run.status("HOLD")
+    run.until(lambda: run.page.inner_text("#state") == "standing", "the state after the stop")
+    run.asked.clear()
+    hold_the_stick_ahead(run)
+    run.page.mouse.up()
+
+
 def test_the_history_tells_how_each_ended(run: StandIn) -> None:
     """Entries stayed "accepted" for ever: also after a newer one, a stop, an emergency stop or a refusal ended them.
 
