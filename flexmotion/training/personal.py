@@ -111,21 +111,9 @@ def personal_task(
         manner: as in `personal_run`.
         progress: called with the share of the features computed, 0 to 1.
     """
-    autoencoder = load_autoencoder(run)
-    encode, processes = SentenceEncoder(run.stage("text")), Processes()
     store = build_store(open_set(data), run.layout, run.folder / PERSON, progress)
-    # The networks were trained on features normalised by the statistics of their own set.
-    base_store = run.store() if run.has_features else None
-    store.statistics = run.summary().statistics if base_store is None else base_store.statistics
-    known = trained.stage("diffusion")
-    held_out = _held_out(store)
-    person = DiffusionTask(
-        always_asked(run.config), store, autoencoder, encode, run.seed, processes, (manner,), held_out, known
-    )
-    if base_store is None:
-        return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed, run.config.diffusion), person)
-    base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=known)
-    return PersonalTask(base, person)
+    person, kept = _person_and_rest(run, store, trained.stage("diffusion"), (manner,))
+    return PersonalTask(kept, person)
 
 
 def personal_teacher(run: Run) -> tuple[DiffusionTask, Examples]:
@@ -142,19 +130,34 @@ def personal_teacher(run: Run) -> tuple[DiffusionTask, Examples]:
     """
     if not (run.folder / PERSON / INDEX).is_file() or not is_trained(run.stage("diffusion")):
         raise ConfigError(f"{run.folder}: not personalised yet; run 'flexmotion personalize' first")
-    autoencoder, trained = load_autoencoder(run), run.stage("diffusion")
-    encode, processes, store = SentenceEncoder(run.stage("text")), Processes(), FeatureStore(run.folder / PERSON)
+    store = FeatureStore(run.folder / PERSON)
+    person, rest = _person_and_rest(run, store, run.stage("diffusion"), run.personal_wordings())
+    others = rest if isinstance(rest, OwnSamples) else SetExamples(rest)
+    return person, Halves(others, SetExamples(person))
+
+
+def _person_and_rest(
+    run: Run, store: FeatureStore, trained: Path, manner: tuple[str, ...]
+) -> tuple[DiffusionTask, DiffusionTask | OwnSamples]:
+    """The diffusion on the person's clips, and on what the model was trained on, or where that is not at hand, samples.
+
+    Args:
+        run: personalised, or about to be.
+        store: of the person's clips.
+        trained: folder of the denoiser's weights.
+        manner: wordings of the person's.
+    """
+    autoencoder = load_autoencoder(run)
+    encode, processes = SentenceEncoder(run.stage("text")), Processes()
+    # The networks were trained on features normalised by the statistics of their own set.
     base_store = run.store() if run.has_features else None
     store.statistics = run.summary().statistics if base_store is None else base_store.statistics
-    config, wordings = always_asked(run.config), run.personal_wordings()
-    person = DiffusionTask(config, store, autoencoder, encode, run.seed, processes, wordings, _held_out(store), trained)
+    person = DiffusionTask(
+        always_asked(run.config), store, autoencoder, encode, run.seed, processes, manner, _held_out(store), trained
+    )
     if base_store is None:
-        others: Examples = OwnSamples(person, encode, run.summary(), run.seed, run.config.diffusion)
-    else:
-        others = SetExamples(
-            DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=trained)
-        )
-    return person, Halves(others, SetExamples(person))
+        return person, OwnSamples(person, encode, run.summary(), run.seed, run.config.diffusion)
+    return person, DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=trained)
 
 
 def _held_out(store: FeatureStore) -> str:

@@ -231,7 +231,7 @@ def _holding(release: ReleaseFile, stage: str) -> ReleaseFile:
 
 def _mark(weights: Mapping[str, Tensor]) -> str:
     """Digest of weights as a release stores them."""
-    return digest({name: halved(value).float() for name, value in sorted(weights.items())})
+    return digest({name: halved(value).float() for name, value in weights.items()})
 
 
 def _trained_further(run: Run, stages: Sequence[str]) -> bool:
