@@ -106,7 +106,7 @@ class Ways:
     def follows(self, way: str, kind: Kind) -> bool:
         """Whether a way follows a kind of constraint."""
         sampler = self.all[way][0]
-        reached = not kind.network and (sampler.balanced or not kind.balanced)
+        reached = sampler.balanced or not kind.balanced
         return sampler.bundle.has_control or reached
 
     def sample(self, way: str, case: Case, constraints: Constraints, seed: int) -> tuple[Motion, float]:

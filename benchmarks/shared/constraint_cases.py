@@ -101,17 +101,15 @@ class Kind:
     Attributes:
         name: of the row.
         unit: of its error.
-        mask: what is asked, (W, C), of a layout and a number of frames.
+        mask: what is asked, (W, C), of a layout and the values of the clip, (W, C).
         error: of each asked entry, from values asked and found and the mask, all (W, C), and the human.
-        network: whether a control branch alone follows it.
         balanced: whether, without a branch, balanced windows alone follow it.
     """
 
     name: str
     unit: str
-    mask: Callable[[ConstraintLayout, int], Mask]
+    mask: Callable[[ConstraintLayout, Float], Mask]
     error: Callable[[Float, Float, Mask, ConstraintLayout, Body], Float]
-    network: bool = False
     balanced: bool = False
 
 
@@ -130,12 +128,12 @@ def asked(kind: Kind, case: Case, sampler: Sampler, plain: Motion) -> Constraint
     own = motion_values(plain, Anchor.after(case.history), none.layout)
     limits = none.layout.blocks[TORQUE_LIMITS]
     values[:, limits] = CAP * np.abs(own[:, limits]).max(axis=0)
-    return replace(none, values=values, mask=kind.mask(none.layout, len(values)))
+    return replace(none, values=values, mask=kind.mask(none.layout, values))
 
 
 def _columns(*columns: Callable[[ConstraintLayout], slice], frames: slice = slice(None)) -> Callable[..., Mask]:
-    def mask(layout: ConstraintLayout, count: int) -> Mask:
-        found = np.zeros((count, layout.size), np.bool_)
+    def mask(layout: ConstraintLayout, values: Float) -> Mask:
+        found = np.zeros(values.shape, np.bool_)
         for column in columns:
             found[frames, column(layout)] = True
         return found
@@ -183,10 +181,14 @@ def _beyond(values: Float, found: Float, mask: Mask, layout: ConstraintLayout, b
 
 
 def _uncorrelated(values: Float, found: Float, mask: Mask, layout: ConstraintLayout, body: Body) -> Float:
-    """1 - correlation over all asked entries; muscles that do not change tell nothing."""
-    one, other = values[mask], found[mask]
-    spread = one.std() * other.std()
-    return np.array([1.0 - (np.mean((one - one.mean()) * (other - other.mean())) / spread if spread > 1e-9 else 0.0)])
+    """1 - correlation over the frames of the window, of each muscle that changes."""
+    columns = layout.blocks[ACTIVATIONS]
+    whole = mask[:, columns].all(axis=0)
+    told, made = values[:, columns][:, whole], found[:, columns][:, whole]
+    changing = told.std(axis=0) > CHANGING
+    told, made = (part[:, changing] - part[:, changing].mean(axis=0) for part in (told, made))
+    size = np.linalg.norm(told, axis=0) * np.linalg.norm(made, axis=0)
+    return np.asarray(1.0 - (told * made).sum(axis=0) / np.maximum(size, 1e-9))
 
 
 def _force(values: Float, found: Float, mask: Mask, layout: ConstraintLayout, body: Body) -> Float:
@@ -196,12 +198,23 @@ def _force(values: Float, found: Float, mask: Mask, layout: ConstraintLayout, bo
     return np.asarray(100 * np.linalg.norm(away, axis=1))
 
 
-MUSCLES = (slice(20, 21), slice(200, 220))
-"""One muscle and twenty; numbers of the model's list."""
+CHANGING = 0.01
+"""Standard deviation over a window from which on an activation changes: what is constant has no correlation."""
 
 
-def _muscles(number: int) -> Callable[[ConstraintLayout], slice]:
-    return _block(ACTIVATIONS, MUSCLES[number].start, MUSCLES[number].stop)
+def _muscles(count: int) -> Callable[[ConstraintLayout, Float], Mask]:
+    """Some of the muscles that change in the clip, evenly from those that do so most to those that do so least."""
+
+    def mask(layout: ConstraintLayout, values: Float) -> Mask:
+        found = np.zeros(values.shape, np.bool_)
+        columns = layout.blocks[ACTIVATIONS]
+        spread = values[:, columns].std(axis=0)
+        order = np.argsort(-spread)[: max(int((spread > CHANGING).sum()), 1)]
+        places = (np.arange(count) + 0.5) / count * len(order)
+        found[:, columns.start + order[places.astype(int)]] = True
+        return found
+
+    return mask
 
 
 ELBOW = 6 * 7 + HINGES.index("elbow_flexion_r")
@@ -224,7 +237,7 @@ KINDS: tuple[Kind, ...] = (
         balanced=True,
     ),
     Kind("limit of the right knee", "N·m", _columns(_block(TORQUE_LIMITS, KNEE, KNEE + 1)), _beyond, balanced=True),
-    Kind("1 muscle", "1 - r", _columns(_muscles(0)), _uncorrelated, network=True),
-    Kind("20 muscles", "1 - r", _columns(_muscles(1)), _uncorrelated, network=True),
+    Kind("1 muscle", "1 - r", _muscles(1), _uncorrelated),
+    Kind("20 muscles", "1 - r", _muscles(20), _uncorrelated),
 )
 """The rows of `model/control`."""

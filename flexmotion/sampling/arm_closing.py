@@ -11,12 +11,13 @@ is solved a fixed number of times, forward kinematics in between; a step that br
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
+from scipy.linalg import cho_factor, cho_solve
 
 from flexmotion.features.constraint_layout import PLACES
 from flexmotion.features.constraints import Constraints
@@ -25,6 +26,8 @@ from flexmotion.features.layout import POINTS
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES
+from flexmotion.human.vectors import cross
+from flexmotion.sampling.arm_pose import ArmPose
 from flexmotion.sampling.window_pose import WindowPose
 from flexmotion.spatial.transitions import smoothstep
 
@@ -33,8 +36,14 @@ Float = NDArray[np.float64]
 CLOSED = ("elbow", "hand")
 """Points of an arm whose places it keeps."""
 
+PLACED = ("shoulder", *CLOSED)
+HAND = PLACED.index("hand")
+
 MOVED = ARM_JOINTS[:4]
 """Coordinates of shoulder and elbow; pronation does not move the fist."""
+
+CARRIED = (0, 3, 4)
+"""How many of `MOVED` move each of `PLACED`."""
 
 ROUNDS, NEAR = 5, 1e-3
 """Steps at most; none is taken where the root mean square of what is missing is smaller than the second [m]."""
@@ -82,88 +91,96 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
     asked = constraints.mask[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3)
     places = constraints.values[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3) * motion.body.leg
     arms = [
-        ([POINTS.index(f"{point}_{side}") for point in CLOSED], [JOINTS.index(f"{joint}_{side}") for joint in MOVED])
+        ([POINTS.index(f"{point}_{side}") for point in PLACED], [JOINTS.index(f"{joint}_{side}") for joint in MOVED])
         for side in SIDES
     ]
-    arms = [(points, columns) for points, columns in arms if asked[:, points].any()]
+    arms = [(points, columns) for points, columns in arms if asked[:, points[1:]].any()]
+    if not arms:
+        return motion
+    pose, joints = WindowPose.of(motion, anchor), motion.joints.copy()
     for points, columns in arms:
-        motion = _closed(motion, anchor, points, columns, asked, places)
-    return motion
+        arm = ArmPose(pose.anchor[:, columns], pose.axis[:, columns], pose.points[:, points], CARRIED)
+        wanted, limits = Wanted(asked[:, points], places[:, points]), joint_limits()[columns]
+        joints[:, columns] = _closed(arm, joints[:, columns], limits, wanted)
+    return replace(motion, joints=joints)
 
 
-def _closed(
-    motion: Motion, anchor: Anchor, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float
-) -> Motion:
-    """The motion with one arm closed; see `_change`."""
-    pose, share = WindowPose.of(motion, anchor), 1.0
-    error = _error(pose, points, asked, places)
-    low, high = joint_limits()[columns].T
-    enough = NEAR**2 * float(asked[:, points].sum())
+@dataclass(frozen=True)
+class Wanted:
+    """Places that are asked of `PLACED`, (W, 3, 3) [m], and which of their coordinates are."""
+
+    mask: NDArray[np.bool_]
+    places: Float
+
+    def error(self, arm: ArmPose) -> float:
+        """Sum of the squared distances from asked places [m²]."""
+        away = (self.places - arm.points)[self.mask]
+        return float(away @ away)
+
+    def missing(self, arm: ArmPose, point: int) -> Float:
+        """What a point lacks of its place as far as the arm reaches, at most `FARTHEST`, (W, 3) [m]."""
+        own = arm.points[:, point]
+        wanted = np.where(self.mask[:, point], self.places[:, point], own)
+        if point == HAND:
+            shoulder, elbow = arm.points[:, 0], arm.points[:, 1]
+            reach = _lengths(elbow - shoulder) + _lengths(own - elbow)
+            away = _lengths(wanted - shoulder)
+            wanted = shoulder + (wanted - shoulder) * np.minimum(1.0, reach / np.maximum(away, 1e-6))[:, None]
+        missing = wanted - own
+        found: Float = missing * np.minimum(1.0, FARTHEST / np.maximum(_lengths(missing), 1e-6))[:, None]
+        return found
+
+
+def _closed(arm: ArmPose, angles: Float, limits: Float, wanted: Wanted) -> Float:
+    """Angles of an arm, (W, 4) [rad], with which its points are where they are wanted; see `_change`."""
+    share, error = 1.0, wanted.error(arm)
+    low, high = limits.T
+    enough = NEAR**2 * float(wanted.mask.sum())
     for _ in range(ROUNDS):
         if error < enough:
             break
-        own = motion.joints[:, columns]
-        joints = motion.joints.copy()
-        moved = own + share * _change(pose, points, columns, asked, places)
+        moved = angles + share * _change(arm, wanted)
         # Angles that are beyond their limits already stay where they are.
-        joints[:, columns] = np.clip(moved, np.minimum(low, own), np.maximum(high, own))
-        tried = replace(motion, joints=joints)
-        there = WindowPose.of(tried, anchor)
-        left = _error(there, points, asked, places)
+        moved = np.clip(moved, np.minimum(low, angles), np.maximum(high, angles))
+        there = arm.moved(moved - angles)
+        left = wanted.error(there)
         if left < error:
-            motion, pose, error = tried, there, left
+            arm, angles, error = there, np.asarray(moved), left
         else:  # an arm at its limits, or at a singular angle
             share *= SHORTER
-    return motion
+    return angles
 
 
-def _error(pose: WindowPose, points: list[int], asked: NDArray[np.bool_], places: Float) -> float:
-    """Sum of the squared distances from asked places [m²]."""
-    away = (places - pose.points)[:, points][asked[:, points]]
-    return float(away @ away)
-
-
-def _change(pose: WindowPose, points: list[int], columns: list[int], asked: NDArray[np.bool_], places: Float) -> Float:
-    """Change of the angles of an arm, (W, 4) [rad].
-
-    Args:
-        points: of the arm.
-        columns: its joints.
-        asked, places: of all points, (W, 16, 3).
-    """
-    over = _functions(len(pose.points))
+def _change(arm: ArmPose, wanted: Wanted) -> Float:
+    """Change of the angles of an arm, (W, 4) [rad]."""
+    over = _functions(len(arm.points))
     rows, residuals = [], []
-    for point in points:
-        frames, coordinates = np.nonzero(asked[:, point])
-        lever = pose.points[frames, point][:, None] - pose.anchor[frames][:, columns]
-        moved = np.cross(pose.axis[frames][:, columns], lever)  # (R, 4, 3)
-        own = moved[np.arange(len(frames)), :, coordinates]
-        if point == points[0]:
-            own[:, 3] = 0.0  # the elbow does not move itself
-        rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), len(columns) * over.shape[1]))
-        residuals.append(_missing(pose, point, asked[:, point], places[:, point])[frames, coordinates])
+    for point in range(1, len(PLACED)):
+        frames, coordinates = np.nonzero(wanted.mask[:, point])
+        lever = arm.points[:, point, None] - arm.anchor
+        moved = cross(arm.axis, lever)  # (W, 4, 3)
+        moved[:, CARRIED[point] :] = 0.0  # the elbow does not move itself
+        own = moved[frames, :, coordinates]
+        rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), own.shape[1] * over.shape[1]))
+        residuals.append(wanted.missing(arm, point)[frames, coordinates])
     system = np.concatenate(rows)
-    even = np.diff(np.eye(over.shape[1]), n=2, axis=0)
-    normal = system.T @ system + EVEN * np.kron(np.eye(len(columns)), even.T @ even)
+    normal = system.T @ system + _evenness(len(over))
     normal[np.diag_indices(len(normal))] += DAMPING
-    found = np.linalg.solve(normal, system.T @ np.concatenate(residuals)).reshape(len(columns), -1)
+    found = cho_solve(cho_factor(normal), system.T @ np.concatenate(residuals)).reshape(len(MOVED), -1)
     change: Float = over @ found.T
     return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
 
 
-def _missing(pose: WindowPose, point: int, asked: NDArray[np.bool_], places: Float) -> Float:
-    """What a point lacks of its place as far as the arm reaches, at most `FARTHEST`, (W, 3) [m]."""
-    own, side = pose.points[:, point], POINTS[point][-1]
-    wanted = np.where(asked, places, own)
-    if POINTS[point].startswith("hand"):
-        shoulder, elbow = (pose.points[:, POINTS.index(f"{name}_{side}")] for name in ("shoulder", "elbow"))
-        reach = np.linalg.norm(elbow - shoulder, axis=1) + np.linalg.norm(own - elbow, axis=1)
-        away = np.linalg.norm(wanted - shoulder, axis=1)
-        wanted = shoulder + (wanted - shoulder) * np.minimum(1.0, reach / np.maximum(away, 1e-6))[:, None]
-    missing = wanted - own
-    size = np.linalg.norm(missing, axis=1, keepdims=True)
-    found: Float = missing * np.minimum(1.0, FARTHEST / np.maximum(size, 1e-6))
+def _lengths(vectors: Float) -> Float:
+    found: Float = np.sqrt(np.einsum("ti,ti->t", vectors, vectors))
     return found
+
+
+@lru_cache(maxsize=4)
+def _evenness(frames: int) -> Float:
+    """Quadratic form of the second differences of all coefficients, (4 K, 4 K)."""
+    even = np.diff(np.eye(_functions(frames).shape[1]), n=2, axis=0)
+    return np.asarray(EVEN * np.kron(np.eye(len(MOVED)), even.T @ even), np.float64)
 
 
 @lru_cache(maxsize=4)

@@ -14,13 +14,14 @@ from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode, root_path
 from flexmotion.features.heading_frame import turned
 from flexmotion.features.inertialise import inertialised
-from flexmotion.features.layout import Layout
+from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.arm_closing import closable, closed
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.low_pass import steadied
+from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
@@ -91,7 +92,7 @@ class Draft:
             motion: planted.
             found: features that it was decoded from, before they were joined to the history.
             constraints: what is asked of its arms is kept by them, as far as they reach; contact forces that are asked
-                take the place of the decoder's, as far as the motion allows.
+                take the place of the decoder's, as far as the motion allows; so do activations that are asked.
         """
         arms = constraints is not None and bool(constraints.mask[:, closable(constraints)].any())
 
@@ -99,10 +100,12 @@ class Draft:
             return closed(window, self.anchor, constraints) if arms and constraints is not None else window
 
         if not self.balanced:
-            return Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
-        if constraints is not None:
-            motion = _with_forces(motion, constraints, self.anchor)
-        return delivered(motion, self.history, self._accelerations(found), finish)
+            made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
+        else:
+            if constraints is not None:
+                motion = _with_forces(motion, constraints, self.anchor)
+            made = delivered(motion, self.history, self._accelerations(found), finish)
+        return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
 
     def _accelerations(self, found: Float32) -> Float:
         """Second derivative of the root's path before it was joined to the history, (W, 3) [m/s²]."""
@@ -130,3 +133,11 @@ def _with_forces(motion: Motion, constraints: Constraints, anchor: Anchor) -> Mo
     place[..., :2] = np.where(mask, centre, place[..., :2])
     centres = turned(place, yaw) + np.append(anchor.place, 0.0)
     return replace(motion, wrenches=wrenches, pressure_centres=centres)
+
+
+def _with_muscles(motion: Motion, constraints: Constraints) -> Motion:
+    """The motion with the activations that are asked."""
+    columns = constraints.layout.blocks.get(ACTIVATIONS)
+    if columns is None or not constraints.mask[:, columns].any():
+        return motion
+    return with_muscles(motion, constraints.values[:, columns], constraints.mask[:, columns])

@@ -184,7 +184,8 @@ class Sampler:
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
         if constraints is not None:
-            return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
+            led = self.bundle.has_control
+            return self._solver.window(draft, self._frames, latent, constraints, self.corrections, led=led)
         found = self._frames(latent)
         return draft.delivered(draft.planted(draft.joined(found))[0], found)
 

@@ -129,17 +129,17 @@ def _nothing(rng: np.random.Generator, layout: ConstraintLayout, mask: Mask) -> 
 
 
 DRAWS: dict[str, tuple[float, Draw]] = {
-    "nothing": (0.05, _nothing),
-    "place": (0.10, _place),
-    "hand": (0.20, _hand),
-    "places": (0.10, _places),
-    "path": (0.15, _path),
-    "heading": (0.05, _heading),
+    "nothing": (0.04, _nothing),
+    "place": (0.08, _place),
+    "hand": (0.16, _hand),
+    "places": (0.08, _places),
+    "path": (0.12, _path),
+    "heading": (0.04, _heading),
     "angles": (0.05, _angles),
-    "torques": (0.05, _torques),
+    "torques": (0.07, _torques),
     "limits": (0.05, _limits),
-    "forces": (0.08, _forces),
-    "muscles": (0.07, _muscles),
+    "forces": (0.14, _forces),
+    "muscles": (0.12, _muscles),
     "everything": (0.05, _everything),
 }
 """Kinds of constraints with their shares of the windows."""

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from flexmotion.configs.model import ModelConfig
+from flexmotion.training.ahead import Ahead
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.checkpoints import load_weights
 from flexmotion.training.conditions import Conditions, Sentences
@@ -52,6 +53,30 @@ class Latents:
     conditions: Conditions
 
 
+@dataclass(frozen=True)
+class Before:
+    """Windows from which the model samples the histories of the windows that follow, on the CPU.
+
+    Attributes:
+        windows: with the windows that follow.
+        conditions: of these windows.
+        noise: that sampling begins with, (N, latent).
+    """
+
+    windows: Windows
+    conditions: Conditions
+    noise: Tensor
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A batch on the CPU; its last windows follow those of `before`, of which the model has still to sample them."""
+
+    windows: Windows
+    conditions: Conditions
+    before: Before | None
+
+
 class DiffusionTask:
     """Training of the denoiser; see `stage.Task`.
 
@@ -66,6 +91,7 @@ class DiffusionTask:
         held_out: split of the validation.
         trained: folder of trained weights to begin with; means and spreads of latents and sentences are theirs. None
             for a new network.
+        architecture: of the network.
 
     Raises:
         ConfigError: `trained` holds no weights, or those of another network.
@@ -82,12 +108,14 @@ class DiffusionTask:
         personal: tuple[str, ...] = (),
         held_out: str = "validation",
         trained: Path | None = None,
+        architecture: type[Denoiser] = Denoiser,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
         self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
-        self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
+        network = architecture(config.diffusion, config.window, store.layout, autoencoder.latent)
+        self.network = network.to(processes.device)
         sentences, manners = (
             Sentences(store.clips, encode, personal=bool(personal)),
             Manners(store.clips, encode, personal),
@@ -101,12 +129,11 @@ class DiffusionTask:
             self._measure_latents()
         else:
             load_weights(self.network, trained)
-        windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
-        self._held_out = Latents(
-            self.normalised(self.training.encode(windows.history, windows.future)),
-            windows,
-            self.held_out.describe(windows, (seed, 22)),
-        )
+        drawn = self.held_out.draw((seed, 21), VALIDATION)
+        windows, conditions = drawn.to(processes.device), self.held_out.describe(drawn, (seed, 22))
+        latent = self.normalised(self.training.encode(windows.history, windows.future))
+        self._held_out = Latents(latent, windows, conditions.to(processes.device))
+        self._ahead = Ahead(self._batch, processes.device)
 
     def _measure_words(self, sentences: Sentences, manners: Manners) -> None:
         network = self.network
@@ -138,10 +165,9 @@ class DiffusionTask:
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
-        diffusion, key = self.config.diffusion, (self.seed, 23, step, self.processes.rank)
+        diffusion, key = self.config.diffusion, self._key(step)
         batch, device = self.config.stages.diffusion.batch, self.processes.device
-        windows = self.windows(key, batch, self._roll_out_share(step))
-        conditions = self.training.describe(windows, (*key, 3))
+        windows, conditions = self.followed(self._ahead(step))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
         # More often late than early: the condition decides most where little of the latent is left.
         time = (uniform((*key, 4), (batch,)) ** TIME_POWER * diffusion.steps).long().to(device)
@@ -164,11 +190,19 @@ class DiffusionTask:
         possible = bool(self.config.window.history) and self.training.windows.has_following
         return self.config.diffusion.roll_out if possible else 0.0
 
-    def windows(self, key: tuple[int, ...], size: int, roll_out: float) -> Windows:
-        """Training batch: windows of clips, windows that change over to another clip, windows after roll-outs.
+    def _key(self, step: int) -> tuple[int, ...]:
+        return (self.seed, 23, step, self.processes.rank)
+
+    def _batch(self, step: int) -> Drawn:
+        key = self._key(step)
+        return self.drawn(key, (*key, 3), self.config.stages.diffusion.batch, self._roll_out_share(step))
+
+    def drawn(self, key: tuple[int, ...], described: tuple[int, ...], size: int, roll_out: float) -> Drawn:
+        """Training batch, on the CPU: windows of clips, that change over to another clip, and for roll-outs.
 
         Args:
-            key: seed.
+            key: seed of the windows.
+            described: seed of their conditions.
             size: number of windows.
             roll_out: share of windows after roll-outs.
         """
@@ -179,9 +213,22 @@ class DiffusionTask:
         if switched:
             others = self._drawn((*key, 2), switched)
             parts.append(self._drawn((*key, 1), switched).blended_into(others, diffusion.switch_frames))
-        if rolled:
-            parts.append(self._rolled_out(rolled, (*key, 6)))
-        return reduce(Windows.joined, parts)
+        before = self._before((*key, 6), rolled) if rolled else None
+        if before is not None:
+            parts.append(before.windows.next(before.windows.history))
+        windows = reduce(Windows.joined, parts)
+        return Drawn(windows, self.training.describe(windows, described), before)
+
+    def followed(self, drawn: Drawn) -> tuple[Windows, Conditions]:
+        """A batch on the device of the training, with histories that the model has sampled where it rolls out."""
+        device = self.processes.device
+        windows, conditions = drawn.windows.to(device), drawn.conditions.to(device)
+        if drawn.before is None:
+            return windows, conditions
+        kept = len(windows.history) - len(drawn.before.noise)
+        sampled = self._sampled(drawn.before.windows.to(device), drawn.before.conditions.to(device), drawn.before.noise)
+        history = torch.cat([windows.history[:kept], sampled[:, -self.config.window.history :]])
+        return windows.with_history(history), conditions
 
     def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
         """Estimate of the clean latents, normalised, (N, latent)."""
@@ -223,7 +270,7 @@ class DiffusionTask:
 
     def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
         """Windows of clips, with noise on their histories."""
-        windows = self.training.draw((*key, 0), size, following=following).to(self.processes.device)
+        windows = self.training.draw((*key, 0), size, following=following)
         return self._with_history_noise(windows, (*key, 1))
 
     def _with_history_noise(self, windows: Windows, seed: tuple[int, ...]) -> Windows:
@@ -232,24 +279,27 @@ class DiffusionTask:
         if not spread or not self.config.window.history:
             return windows
         samples, frames, features = windows.history.shape
-        constant = normal((*seed, 0), (samples, 1, features)).to(windows.history.device)
-        varying = normal((*seed, 1), (samples, frames, features)).to(windows.history.device)
+        constant = normal((*seed, 0), (samples, 1, features))
+        varying = normal((*seed, 1), (samples, frames, features))
         return windows.with_history(windows.history + spread * (constant + 0.3 * varying))
 
-    def _rolled_out(self, count: int, seed: tuple[int, ...]) -> Windows:
-        """Windows after a history that the model has sampled, itself after the clip's history before that."""
-        diffusion, device = self.config.diffusion, self.processes.device
+    def _before(self, seed: tuple[int, ...], count: int) -> Before:
+        """Windows before roll-outs, from which the model samples."""
         windows = self._drawn((*seed, 0), count, following=True)
-        conditions = self.training.describe(windows, (*seed, 2))
-        noisy = normal((*seed, 3), (count, self.autoencoder.latent)).to(device)
+        noise = normal((*seed, 3), (count, self.autoencoder.latent))
+        return Before(windows, self.training.describe(windows, (*seed, 2)), noise)
+
+    def _sampled(self, windows: Windows, conditions: Conditions, noise: Tensor) -> Tensor:
+        """The model's own windows after some histories, (N, W, F)."""
+        diffusion, device = self.config.diffusion, self.processes.device
+        noisy, count = noise.to(device), len(noise)
         times = torch.linspace(diffusion.steps - 1, 0, diffusion.roll_out_steps + 1).round().long().tolist()[:-1]
         with torch.no_grad(), self.processes.mixed_precision():
             for now, earlier in zip(times, [*times[1:], -1], strict=True):
                 time, target = (torch.full((count,), at, device=device) for at in (now, earlier))
                 clean = self.denoise(noisy, time, windows.history, conditions)
                 noisy = self.noise.step(noisy, clean.float(), time, target)
-            sampled = self.decode(windows.history, noisy).float()
-        return windows.next(sampled[:, -self.config.window.history :])
+            return self.decode(windows.history, noisy).float()
 
     def validate(self) -> dict[str, float]:
         """Losses over all times of the schedule."""

@@ -54,8 +54,7 @@ class SetExamples:
     def draw(self, key: tuple[int, ...], size: int) -> Example:
         """See `Examples`."""
         task = self.task
-        windows = task.windows((*key, 0), size, task.roll_out)
-        conditions = task.training.describe(windows, (*key, 1))
+        windows, conditions = task.followed(task.drawn((*key, 0), (*key, 1), size, task.roll_out))
         latent = task.normalised(task.training.encode(windows.history, windows.future))
         return Example(windows.history, latent, conditions)
 

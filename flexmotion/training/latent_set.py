@@ -40,7 +40,7 @@ class LatentSet:
     ) -> None:
         self.config, self.store, self.autoencoder = config, store, autoencoder
         self.sentences, self.manners = sentences, manners
-        self.processes, self.device = processes, processes.device
+        self.processes = processes
         self.windows = WindowSet(store, config.window, split, normal=config.diffusion.normal)
         self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
 
@@ -54,11 +54,10 @@ class LatentSet:
             return self.autoencoder.encode(history, future)[0].float()
 
     def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
-        """Conditions of windows; a share of sentences, velocities and manners is dropped at random."""
+        """Conditions of windows, on the CPU; a share of sentences, velocities and manners is dropped at random."""
         diffusion = self.config.diffusion
         drop = Dropped(
             diffusion.drop_text, diffusion.drop_velocity if diffusion.velocity else 1.0, diffusion.drop_manner
         )
         future = self._restore(windows.future.cpu())
-        found = describe(self.store, self.sentences, future, windows.clip, seed, drop, self.manners, windows.first)
-        return found.to(self.device)
+        return describe(self.store, self.sentences, future, windows.clip, seed, drop, self.manners, windows.first)

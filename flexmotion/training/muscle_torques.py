@@ -1,8 +1,7 @@
 """Differentiable muscle torques: polynomials of joint angles and speeds, fitted to the muscle models.
 
-The torque of a muscle at a joint is moment arm times gain times activation, plus a passive part. Moment arms and gains
-are smooth functions of the pose, fitted by polynomials (Sartori et al., J. Biomech. 45(3), 2012) of third order in the
-angles and second order in the speeds.
+The torque of a muscle at a joint is moment arm times gain times activation, plus a passive part; both are polynomials
+of the pose (`biomechanics/muscle_arms.py`).
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import derivative
+from flexmotion.biomechanics.muscle_arms import LIMBS, polynomial
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import muscle_moments
 from flexmotion.dataset.compact_set import MotionSet
@@ -32,9 +32,6 @@ CLIPS, FRAMES = 300, 40
 
 RIDGE = 1e-4
 """Penalty of the regression, per frame."""
-
-SPEED = 5.0
-"""Unit of the speeds, so that all terms are of similar size [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ class MuscleTorques:
         found, start = [], 0
         for limb in self.limbs:
             columns = torch.from_numpy(limb.columns)
-            terms = polynomial(angles[:, 1:-1, columns], speeds[..., columns])
+            terms = polynomial(angles[:, 1:-1, columns], speeds[..., columns], torch)
             count = limb.active.shape[2]
             arms = torch.einsum("ntp,pjm->ntjm", terms, limb.active.to(terms.device))
             total = torch.einsum("ntjm,ntm->ntj", arms, activations[..., start : start + count])
@@ -101,18 +98,6 @@ def joint_angles(features: Tensor, layout: Layout, humans: HumanTensors) -> Tens
     angles[..., torch.from_numpy(BALL_COLUMNS)] = three * signs
     angles[..., torch.from_numpy(HINGE_COLUMNS)] = found.hinges
     return angles
-
-
-def polynomial(angles: Tensor, speeds: Tensor) -> Tensor:
-    """Terms of angles (..., J) [rad] up to the third order and of speeds (..., J) [rad/s] up to the second."""
-    joints = angles.shape[-1]
-    speeds = speeds / SPEED
-    pairs = torch.triu_indices(joints, joints)
-    two = angles[..., pairs[0]] * angles[..., pairs[1]]
-    triples = torch.tensor([(i, j, k) for i in range(joints) for j in range(i, joints) for k in range(j, joints)]).T
-    three = angles[..., triples[0]] * angles[..., triples[1]] * angles[..., triples[2]]
-    one = torch.ones_like(angles[..., :1])
-    return torch.cat([one, angles, two, three, speeds, speeds * speeds.abs()], dim=-1)
 
 
 def fit_muscle_torques(source: MotionSet, path: Path, seed: int = 0) -> None:
@@ -153,14 +138,6 @@ def load_muscle_torques(path: Path) -> MuscleTorques:
     return MuscleTorques(tuple(limbs))
 
 
-LIMBS = tuple(
-    tuple(f"{joint}_{side}" for joint in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"))
-    + (f"ankle_dorsiflexion_{side}",)
-    for side in ("l", "r")
-) + (("lumbar_extension", "lumbar_bending", "lumbar_rotation"),)
-"""Joints of every muscle model, in the order of `muscle_models`."""
-
-
 def _fitted(source: MotionSet, clips: list[SetClip]) -> list[tuple[np.ndarray, np.ndarray]]:
     """Coefficients of every muscle model, (P, J, M) and (P, J), by ridge regression."""
     found = []
@@ -173,7 +150,7 @@ def _fitted(source: MotionSet, clips: list[SetClip]) -> list[tuple[np.ndarray, n
             angles = motion.joints[:, muscles.columns]
             active, passive = muscle_moments(muscles, motion)
             speeds = derivative(angles, motion.fps)
-            terms.append(polynomial(torch.from_numpy(angles), torch.from_numpy(speeds)).numpy())
+            terms.append(polynomial(angles, speeds, np))
             moments.append(np.concatenate([active.reshape(len(motion), -1), passive], axis=1))
         design, wanted = np.concatenate(terms), np.concatenate(moments)
         normal = design.T @ design + RIDGE * len(design) * np.eye(design.shape[1])

@@ -119,8 +119,18 @@ def test_what_a_sampler_cannot_follow_is_refused(sampler: Sampler, past: Motion,
     limited = nothing.torque_limit("knee_flexion_r", slice(None), 20.0)
     with pytest.raises(ValueError, match="torque_limits: .* windows are not balanced"):
         sampler.sample(past, Condition("walk forward", constraints=limited), 5)
-    with pytest.raises(ValueError, match="activations: .* no control branch"):
-        sampler.sample(past, Condition("walk", constraints=nothing.activation(3, 0, 0.5)), 5)
+
+
+def test_an_asked_muscle_does_as_asked_and_the_others_make_up_for_it(
+    balanced: Sampler, past: Motion, nothing: Constraints
+) -> None:
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    asked = Condition("walk forward", constraints=nothing.activation(3, slice(None), 0.5))
+    told = balanced.sample(past, asked, 5)
+    assert plain.activations is not None and told.activations is not None
+    assert told.activations[:, 3] == pytest.approx(0.5)
+    assert np.abs(told.activations - plain.activations)[:, 4:40].max() > 0.01
+    np.testing.assert_array_equal(told.torques, plain.torques)
 
 
 def test_constraints_of_another_model_are_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:

@@ -12,6 +12,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 pytest.importorskip("myo_sim", reason="muscles need the extra 'biomech'")
 
 from flexmotion.biomechanics.dynamics import dynamics  # noqa: E402
+from flexmotion.biomechanics.muscle_arms import LIMBS  # noqa: E402
 from flexmotion.biomechanics.static_optimisation import static_optimisation  # noqa: E402
 from flexmotion.dataset.fields import MUSCLES  # noqa: E402
 from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
@@ -20,7 +21,6 @@ from flexmotion.features.layout import ACTIVATIONS, Layout  # noqa: E402
 from flexmotion.human.motion import Motion  # noqa: E402
 from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
 from flexmotion.training.muscle_torques import (  # noqa: E402
-    LIMBS,
     fit_muscle_torques,
     joint_angles,
     load_muscle_torques,

@@ -1,0 +1,196 @@
+"""What does the latent model of few steps gain, and lose, against simpler and slower ways?
+
+Held-out windows are sampled after the clips' histories with their sentences by: the nearest training window, the model
+with 1, 2 and 4 steps, its teacher with 10 and 50 steps, and a diffusion of frames without a latent (MDM's
+architecture) that is trained here on the same features, words and manners. TRAINING is a run of `flexmotion train`
+with features, text, diffusion, distillation and evaluator. A training that was stopped continues when it is started
+again. Times are of the processor, in samples of the model as it is shipped. It only measures.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from torch import Tensor
+from torch.utils.flop_counter import FlopCounterMode
+
+from benchmarks.shared.model import open_bundle
+from benchmarks.shared.options import BundleOption, CsvOption
+from benchmarks.shared.outcome import Outcome, write_csv
+from benchmarks.shared.raw_diffusion import FrameDenoiser, RawSampler, RawTask
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.evaluation.interval import Interval
+from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.training.checkpoints import is_trained, load_weights, training_record
+from flexmotion.training.evaluate import Judge
+from flexmotion.training.export import Decoder, export, load_networks
+from flexmotion.training.processes import use_threads
+from flexmotion.training.run import Run
+from flexmotion.training.stage import train_stage
+
+SHOWN = (
+    "fid",
+    "r_precision_top3",
+    "diversity",
+    "multimodality",
+    "skate_ratio",
+    "jerk",
+    "residual_force",
+    "delivered_residual_force",
+    "delivered_zmp_outside",
+)
+TIMED = 20
+"""Samples whose time is measured."""
+
+FEW, TEACHER = (1, 2, 4), (10, 50)
+"""Steps of the student and of its teacher."""
+
+ROWS = 3
+"""Evaluations a step under guidance: with the request, in any manner, without any."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a sample: parameters of its networks, and multiplications and additions of all steps."""
+
+    parameters: int
+    operations: int
+
+
+def main(
+    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for what is trained and exported here.")],
+    bundle: BundleOption = None,
+    steps: Annotated[int, typer.Option(min=1, help="Training steps of the diffusion of frames.")] = 5000,
+    windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 256,
+    threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of windows and samples.")] = 0,
+    csv_out: CsvOption = None,
+) -> Outcome:
+    """Train the diffusion of frames where it is not, and measure all of them."""
+    use_threads(threads)
+    run, console = Run(training), Console(width=200)
+    student = open_bundle(bundle)
+    frames = trained_frames(run, out / "frames", steps)
+    teacher = export(run, out / "teacher", distilled=False, body=student.body)
+    samplers: dict[str, Sampler] = {f"student, {count}": Sampler(student, count, unjudged=True) for count in FEW}
+    samplers |= {f"teacher, {count}": Sampler(teacher, count, unjudged=True) for count in TEACHER}
+    samplers[f"frames, {TEACHER[-1]}"] = RawSampler(student, frames, run, TEACHER[-1])
+    judge = Judge(run, student.body, windows, seed)
+    figures = {"real": judge.measure(judge.real), "nearest": judge.measure(judge.nearest())}
+    for name, sampler in track(samplers.items(), "measures", transient=True):
+        figures[name] = judge.measure(judge.sampled(sampler), judge.delivered(sampler))
+    costs, times = costs_of(run, frames, student), times_of(judge, samplers, f"student, {student.manifest.steps}")
+    rows = {name: numbers(found, costs.get(name), times.get(name)) for name, found in figures.items()}
+    console.print(table(figures, costs, times))
+    record = training_record(out / "frames")
+    console.print(f"diffusion of frames: {record.steps} steps of {record.batch} windows; teacher: {_trained(run)}")
+    if csv_out is not None:
+        write_csv(csv_out, [{"way": name, **dict.fromkeys(_names(rows), ""), **row} for name, row in rows.items()])
+    return Outcome((), rows)
+
+
+def trained_frames(run: Run, folder: Path, steps: int) -> FrameDenoiser:
+    """The diffusion of frames, trained where it is not."""
+    if not is_trained(folder) or training_record(folder).steps < steps:
+        task = RawTask(run, SentenceEncoder(run.stage("text")))
+        stage = run.config.stages.diffusion.model_copy(update={"steps": steps})
+        train_stage(task, stage, folder, fingerprint=f"{run.fingerprint()} frames")
+    config, layout = run.config, run.layout
+    network = FrameDenoiser(config.diffusion, config.window, layout, config.window.future * layout.size)
+    load_weights(network, folder)
+    return network.eval()
+
+
+def costs_of(run: Run, frames: FrameDenoiser, bundle: Bundle) -> dict[str, Cost]:
+    """Parameters and operations of a sample, by way."""
+    found = {f"student, {count}": latent_cost(run, count, distilled=True) for count in FEW}
+    found |= {f"teacher, {count}": latent_cost(run, count, distilled=False) for count in TEACHER}
+    size = sum(value.numel() for value in frames.parameters())
+    denoising = _operations(lambda: frames(*_inputs(run, ROWS, bundle.manifest.future * run.layout.size)))
+    found[f"frames, {TEACHER[-1]}"] = Cost(size, TEACHER[-1] * denoising)
+    return found
+
+
+def latent_cost(run: Run, steps: int, *, distilled: bool) -> Cost:
+    """Of a sample of the latent model."""
+    autoencoder, denoiser = load_networks(run, distilled=distilled)
+    decoder, rows = Decoder(autoencoder, denoiser), 1 if distilled else ROWS
+    history = torch.zeros(1, run.config.window.history, run.layout.size)
+    decoding = _operations(lambda: decoder(torch.zeros(1, autoencoder.latent), history))
+    inputs = _inputs(run, rows, autoencoder.latent) + ((torch.ones(rows, 2),) if distilled else ())
+    denoising = _operations(lambda: denoiser(*inputs))
+    size = sum(value.numel() for value in denoiser.parameters()) + _decoding_parameters(decoder)
+    return Cost(size, decoding + steps * denoising)
+
+
+def _inputs(run: Run, rows: int, latent: int) -> tuple[Tensor, ...]:
+    text, window = run.config.diffusion.text, run.config.window
+    history = torch.zeros(rows, window.history, run.layout.size)
+    words = (torch.zeros(rows, text), torch.zeros(rows, 3), torch.zeros(rows, text), torch.ones(rows, 3))
+    return (torch.zeros(rows, latent), torch.zeros(rows, dtype=torch.long), history, *words)
+
+
+def _operations(run: Callable[[], object]) -> int:
+    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+        run()
+    return int(counter.get_total_flops())
+
+
+def _decoding_parameters(decoder: Decoder) -> int:
+    """Parameters that decoding a latent uses: those of the encoder are not."""
+    unused = ("read", "encoder", "summary", "distribution", "read_straight")
+    named = decoder.autoencoder.named_parameters()
+    return sum(value.numel() for name, value in named if name.split(".")[0].split("_place")[0] not in unused)
+
+
+def times_of(judge: Judge, samplers: dict[str, Sampler], reference: str) -> dict[str, float]:
+    """Processor time of a sample by each sampler over that by the reference, by turns: medians of the ratios."""
+    spent: dict[str, list[float]] = {name: [] for name in samplers}
+    for case in range(TIMED):
+        past, condition = judge.past(case), Condition(judge.cases.texts[case])
+        for name, sampler in samplers.items():
+            begin = time.process_time()
+            sampler.sample(past, condition, case)
+            spent[name].append(time.process_time() - begin)
+    return {name: float(np.median(np.array(own) / np.array(spent[reference]))) for name, own in spent.items()}
+
+
+def numbers(found: dict[str, Interval], cost: Cost | None, times: float | None) -> dict[str, float]:
+    """Figures of one way."""
+    row = {name: found[name].mean for name in SHOWN if name in found}
+    if cost is not None and times is not None:
+        row |= {"parameters_million": cost.parameters / 1e6, "gflop": cost.operations / 1e9, "times": times}
+    return row
+
+
+def table(figures: dict[str, dict[str, Interval]], costs: dict[str, Cost], times: dict[str, float]) -> Table:
+    """One way a line."""
+    made = Table("way", *SHOWN, "M parameters", "GFLOP", "times")
+    for name, found in figures.items():
+        cells = [str(found[one]) if one in found else "" for one in SHOWN]
+        if name in costs:
+            cost = costs[name]
+            cells += [f"{cost.parameters / 1e6:.1f}", f"{cost.operations / 1e9:.3g}", f"{times[name]:.3g}"]
+        made.add_row(name, *cells)
+    return made
+
+
+def _trained(run: Run) -> str:
+    record = training_record(run.stage("diffusion"))
+    return f"{record.steps} steps of {record.batch} windows on a latent"
+
+
+def _names(rows: dict[str, dict[str, float]]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows.values() for name in row))
