@@ -43,8 +43,16 @@ class Outcome:
     profile: TorqueProfile | None
     simulated: bool
 
-    def write(self, folder: str | Path) -> Path:
-        """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page."""
+    def write(self, folder: str | Path, *, video: bool = False) -> Path:
+        """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page.
+
+        Args:
+            folder: of the report.
+            video: whether human and robot are filmed too (`motion.mp4`), which takes longer than the rest.
+
+        Raises:
+            ConfigError: `video` without the extra of that name.
+        """
         # matplotlib and jinja2 take a second to load: only where a report is asked for.
         from flexmotion.streamer.plots.pictures import write_plots
         from flexmotion.streamer.report.report_page import write_report_page
@@ -52,7 +60,12 @@ class Outcome:
         folder = Path(folder)
         self.report.write(folder)
         pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile)
-        return write_report_page(folder / "index.html", self.report, pictures)
+        film = None
+        if video:
+            from flexmotion.streamer.plots.video import film_run
+
+            film = film_run(folder / "motion.mp4", self.record, self.robot, self.motion)
+        return write_report_page(folder / "index.html", self.report, pictures, film)
 
 
 def outcome(session: Session) -> Outcome:

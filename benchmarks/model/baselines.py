@@ -24,8 +24,7 @@ from rich.table import Table
 from torch import Tensor
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.shared.model import open_bundle
-from benchmarks.shared.options import BundleOption, CsvOption
+from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, write_csv
 from benchmarks.shared.raw_diffusion import FrameDenoiser, RawSampler, RawTask
 from flexmotion.bundles.bundle import Bundle
@@ -71,7 +70,6 @@ class Cost:
 def main(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for what is trained and exported here.")],
-    bundle: BundleOption = None,
     steps: Annotated[int, typer.Option(min=1, help="Training steps of the diffusion of frames.")] = 5000,
     windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 256,
     threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
@@ -81,9 +79,8 @@ def main(
     """Train the diffusion of frames where it is not, and measure all of them."""
     use_threads(threads)
     run, console = Run(training), Console(width=200)
-    student = open_bundle(bundle)
     frames = trained_frames(run, out / "frames", steps)
-    teacher = export(run, out / "teacher", distilled=False, body=student.body)
+    student, teacher = (export(run, out / name, distilled=name == "student") for name in ("student", "teacher"))
     samplers: dict[str, Sampler] = {f"student, {count}": Sampler(student, count, unjudged=True) for count in FEW}
     samplers |= {f"teacher, {count}": Sampler(teacher, count, unjudged=True) for count in TEACHER}
     samplers[f"frames, {TEACHER[-1]}"] = RawSampler(student, frames, run, TEACHER[-1])

@@ -1,8 +1,9 @@
 """How does generated motion look beside real and augmented motion?
 
 Draws strips of figures, one PNG a kind of motion. Real is a held-out clip, augmented a variant of a training clip (its
-mirror image where the set has no others), generated is sampled from standing. Arrows are ground reaction forces; a body
-weight is as long as a leg.
+mirror image where the set has no others), generated is sampled from standing. Arrows are ground reaction forces; a
+body weight is as long as a leg. With `--videos` the same motions are filmed side by side, the simulated robot that
+follows the prompt beside them, one MP4 a kind.
 """
 
 from __future__ import annotations
@@ -19,19 +20,26 @@ from matplotlib.figure import Figure
 
 from benchmarks.model.real_clips import real_clips
 from benchmarks.model.roll_out import always, roll_out
+from benchmarks.robot.model_run import follow, sampler_of
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import load_robot
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.plots.filmstrip import limbs
 from flexmotion.streamer.plots.palette import MUTED, WARN
 from flexmotion.streamer.plots.solid import Camera
 from flexmotion.streamer.plots.style import new_figure, save, styled
+from flexmotion.streamer.plots.video import HumanScene, RobotScene, Scene, check_video, write_video
 from flexmotion.text.phrases import wordings
 
 KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hands", "bow")
@@ -124,14 +132,36 @@ def main(
     bundle: BundleArgument = None,
     kind: Annotated[list[str] | None, typer.Option(help="Kind of motion; may be given again.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the choice of clips and of the samples.")] = 0,
+    videos: Annotated[
+        bool, typer.Option("--videos", help="Film them too, and the robot; needs the extra video.")
+    ] = False,
     steps: StepsOption = None,
 ) -> Outcome:
     """Draw real, augmented and generated motion side by side."""
+    if videos:
+        check_video()
     sampler, found = open_sampler(bundle, steps), open_set(data)
     plots.mkdir(parents=True, exist_ok=True)
     for name in kind or KINDS:
         if not wordings(name):
             raise ConfigError(f"kind {name!r} has no wordings; see flexmotion/data/phrases.yaml")
+        rows = strips(sampler, found, name, seed)
         with styled():
-            print(save(draw(name, strips(sampler, found, name, seed)), plots / f"motion_{name}.png"))
+            print(save(draw(name, rows), plots / f"motion_{name}.png"))
+        if videos:
+            print(film(name, rows, bundle, seed, plots / f"motion_{name}.mp4"))
     return Outcome()
+
+
+def film(kind: str, rows: list[Strip], bundle: Path | None, seed: int, path: Path) -> Path:
+    """The motions of a kind side by side, and the robot that follows the prompt."""
+    robot, prompt = load_robot("op3"), wordings(kind)[0]
+    sampler = sampler_of(bundle)
+    pace, items = human_pace(robot, sampler.body), [Item(0.0, Text(prompt))]
+    source = ModelSource(sampler, items, f"prompt:{prompt}", seed, SECONDS + 1.0, pace)
+    record = follow(robot, source, perturbed=False, seed=seed, mass_kg=0.0).record
+    begin = float(record.time_s[np.flatnonzero(np.isfinite(record.source_s[: record.used]))[0]])
+    panels: list[tuple[str, Scene]] = []
+    panels.extend((row.title, HumanScene(row.motion)) for row in rows)
+    panels.append((f"OP3: “{prompt}”", RobotScene(record, robot, begin)))
+    return write_video(path, panels, SECONDS)

@@ -101,4 +101,4 @@ def dry_run(
                 mirror=motion.mirror_from(run.token_file),
             )
             outcome = stream(session, signals)
-        present(outcome, run.report, run.as_json, signals)
+        present(outcome, run.report, run.as_json, signals, video=run.video)

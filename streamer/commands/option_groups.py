@@ -40,6 +40,7 @@ from flexmotion.streamer.commands.options import (
     StdinOption,
     StopPortOption,
     TokenFileOption,
+    VideoOption,
     ViewOption,
     WebOption,
     WebPortOption,
@@ -176,6 +177,7 @@ class RunOptions:
     realtime: RealtimeOption = True
     settings: SettingsOption = None
     report: ReportOption = None
+    video: VideoOption = False
     log: LogOption = None
     view: ViewOption = False
     web: WebOption = False
@@ -230,8 +232,16 @@ class RunOptions:
         """Context of what the run writes, entered before anything is loaded: a second run by mistake ends at once.
 
         Raises:
-            ConfigError: another run writes to the same log, or into the same report.
+            ConfigError: another run writes to the same log, or into the same report; or a video is asked for without a
+                report, or without its extra.
         """
+        if self.video:
+            from flexmotion.configs.errors import ConfigError
+            from flexmotion.streamer.plots.video import check_video
+
+            if self.report is None:
+                raise ConfigError("--video films a run for its report: give --report DIR too")
+            check_video()
         from flexmotion.streamer.log.lock import locked_folder, refuse_locked
 
         refuse_locked(self.log)

@@ -150,6 +150,10 @@ AllowRefusedOption = Annotated[
         "--allow-refused", help="Pass although something that was asked was refused, dropped or not finished in time."
     ),
 ]
+VideoOption = Annotated[
+    bool,
+    typer.Option("--video", help="With --report: film human and robot too; needs the extra `video`."),
+]
 MinLikenessOption = Annotated[
     float | None,
     typer.Option(

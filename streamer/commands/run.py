@@ -99,7 +99,7 @@ def run(
             )
             session.waits = wait
             outcome = stream(session, signals)
-        present(outcome, run.report, run.as_json, signals)
+        present(outcome, run.report, run.as_json, signals, video=run.video)
 
 
 def _look(driver: Driver, *, wait: bool) -> None:

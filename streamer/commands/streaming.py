@@ -71,8 +71,15 @@ def emulated_port(options: Mapping[str, Any]) -> str | None:
     return next((port for port in ports if port and Path(port).resolve().is_relative_to("/dev/pts")), None)
 
 
-def present(outcome: Outcome, folder: Path | None, as_json: bool, signals: OperatorSignals | None = None) -> None:
-    """Print the report, write it where asked, and leave with the exit code that it means.
+def present(
+    outcome: Outcome,
+    folder: Path | None,
+    as_json: bool,
+    signals: OperatorSignals | None = None,
+    *,
+    video: bool = False,
+) -> None:
+    """Print the report, write it where asked, with a video or without, and leave with the exit code that it means.
 
     SIGTERM is the regular end of a daemon: exit code 0 if the robot is parked without a fault.
     """
@@ -82,7 +89,7 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool, signals: Opera
     else:
         print_result(render(report))
     if folder is not None:
-        print_note(f"report: {outcome.write(folder)}")
+        print_note(f"report: {outcome.write(folder, video=video)}")
     if report.safety.hardware_failed and not outcome.simulated:
         if port := emulated_port(report.options):
             print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")

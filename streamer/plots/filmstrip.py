@@ -47,7 +47,7 @@ def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None)
         return figure
     camera, hulls = Camera.at(_AZIMUTH_DEG, _ELEVATION_DEG), shapes(robot.model)
     data = mujoco.MjData(robot.model)
-    height = _standing_height(robot)
+    height = standing_height(robot)
     for place, tick in enumerate(ticks):
         data.qpos[:7] = base[tick]
         data.qpos[:2] = 0.0
@@ -76,7 +76,8 @@ def moments(record: RunTrace, known: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.unique(candidates[np.linspace(0, max(len(candidates) - 1, 0), FRAMES).round().astype(int)])
 
 
-def _standing_height(robot: Robot) -> float:
+def standing_height(robot: Robot) -> float:
+    """Height of a robot in its standing pose, its geoms taken as balls [m]."""
     data = mujoco.MjData(robot.model)
     data.qpos[robot.qpos_address] = robot.stand_pose
     mujoco.mj_kinematics(robot.model, data)

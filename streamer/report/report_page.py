@@ -31,8 +31,8 @@ CAPTIONS = {
 }
 
 
-def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
-    """Write the page with its pictures embedded, each titled by its file's stem; returns the page's path."""
+def write_report_page(file: Path, report: Report, pictures: Sequence[Path], film: Path | None = None) -> Path:
+    """Write the page with its pictures embedded, each titled by its file's stem, and a film; returns its path."""
     environment = Environment(
         loader=PackageLoader("flexmotion.streamer.report"),
         autoescape=True,
@@ -51,11 +51,13 @@ def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> P
         joints=joint_rows(report),
         torque_note=torque_note(report),
         timing=timing_rows(report),
-        pictures=[
-            (CAPTIONS.get(picture.stem, picture.stem), base64.b64encode(picture.read_bytes()).decode("ascii"))
-            for picture in pictures
-        ],
+        pictures=[(CAPTIONS.get(picture.stem, picture.stem), _embedded(picture)) for picture in pictures],
+        film=None if film is None else _embedded(film),
     )
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(html, encoding="utf-8")
     return file
+
+
+def _embedded(file: Path) -> str:
+    return base64.b64encode(file.read_bytes()).decode("ascii")

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.option_groups import RunOptions, grouped
 from flexmotion.streamer.gateway.ports import any_free, bound
 from flexmotion.streamer.motion.sources import ClipSource
@@ -86,3 +87,8 @@ def test_a_used_port_is_told_before_anything_is_loaded() -> None:
             ):
                 RunOptions(web=True, **ports).check_ports(settings)
             RunOptions(**ports).check_ports(settings)  # does not listen
+
+
+def test_a_video_without_a_report_is_refused_before_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["dry-run", "--seconds", "1", "--video"]) == 2
+    assert "--report DIR" in capsys.readouterr().err
