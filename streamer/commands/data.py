@@ -332,6 +332,11 @@ def _report(manifest: dict, as_json: bool) -> None:
     dropped = ", ".join(f"{count} {reason}" for reason, count in summary["clips_dropped"].items()) or "none"
     named = sum(bool(clip["captions"] or {"content", "action"} & clip["labels"].keys()) for clip in manifest["clips"])
     print_result(f"clips: {summary['clips_kept']} kept, {named} of them with labels or captions; dropped: {dropped}")
+    if named < len(manifest["clips"]):
+        print_note(
+            f"{len(manifest['clips']) - named} clips have neither: no words are learnt from them, and none is held out by"
+            " its label; their collection's *_index.csv or *_captions.csv belongs into a folder that is read"
+        )
     table = Table("field", "unit", *COLUMNS)
     for name, row in sorted(manifest["ranges"].items()):
         table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
