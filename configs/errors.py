@@ -45,3 +45,7 @@ class GatewayError(FlexMotionError):
 
 class FrameError(FlexMotionError):
     """A datagram is no frame of a person."""
+
+
+class FilmError(FlexMotionError):
+    """A film cannot be written."""

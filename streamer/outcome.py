@@ -52,6 +52,7 @@ class Outcome:
 
         Raises:
             ConfigError: `video` without the extra of that name.
+            FilmError: the film cannot be written; the page is there without it.
         """
         # matplotlib and jinja2 take a second to load: only where a report is asked for.
         from flexmotion.streamer.plots.pictures import write_plots
@@ -60,11 +61,13 @@ class Outcome:
         folder = Path(folder)
         self.report.write(folder)
         pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile)
-        film = None
-        if video:
-            from flexmotion.streamer.plots.video import film_run
+        page = write_report_page(folder / "index.html", self.report, pictures)
+        if not video:
+            return page
+        # A film takes long and may fail: the page is there before it.
+        from flexmotion.streamer.plots.video import film_run
 
-            film = film_run(folder / "motion.mp4", self.record, self.robot, self.motion)
+        film = film_run(folder / "motion.mp4", self.record, self.robot, self.motion)
         return write_report_page(folder / "index.html", self.report, pictures, film)
 
 

@@ -28,6 +28,7 @@ from rich.table import Table
 from benchmarks.model.reduced import mean_ratio, small
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from flexmotion.bundles.bundle import sha256
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import LossWeights, ModelConfig
 from flexmotion.evaluation.interval import Interval
@@ -87,7 +88,7 @@ CELLS: dict[str, Cell] = {
     "latent x 2": Cell({}, latent=2.0),
     "without components": Cell({}, shortcut=False),
 }
-"""The cells, at most twelve."""
+"""The cells; with three seeds each an evening's work on one core."""
 
 OWN = {"without Euler": ("euler_force", "euler_moment", "actuation"), "without muscles": ("muscle_limit",)}
 """Metrics that the losses which a cell leaves out must improve."""
@@ -137,8 +138,13 @@ def cell_run(training: Run, out: Path, name: str, seed: int, reduction: Reductio
     content = CELLS[name].of(reduction.of(training.config)).model_dump()
     wanted.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     for part in ("features", "text"):
-        if not (folder / part).exists():
-            (folder / part).symlink_to((training.folder / part).resolve(), target_is_directory=True)
+        link, there = folder / part, (training.folder / part).resolve()
+        if link.exists() and link.resolve() != there:
+            raise ConfigError(
+                f"{folder}: its {part} are those of another training, {link.resolve()}; use another folder"
+            )
+        if not link.exists():
+            link.symlink_to(there, target_is_directory=True)
     fitted = training.folder / "muscle_torques.npz"
     if fitted.is_file():
         copyfile(fitted, folder / fitted.name)
@@ -207,14 +213,15 @@ def main(
     reduction = Reduction(width, layers, steps)
     judge = Judge(source, source.summary().with_proportions(Body()), windows)
     figures: dict[str, list[dict[str, float]]] = {name: [] for name in CELLS}
-    settings = asdict(reduction) | {"windows": windows}
+    data = {name: sha256(source.folder / name) for name in ("features/index.json", "evaluator/best.pt")}
+    settings = asdict(reduction) | {"windows": windows} | data
     cells = [(name, seed) for seed in range(seeds) for name in CELLS]
     for name, seed in track(cells, "cells", transient=True):
         run = cell_run(source, out, name, seed, reduction)
-        path = run.folder / FIGURES
+        path, own = run.folder / FIGURES, settings | {"losses": run.config.losses.model_dump()}
         done = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        if done.get("settings") != settings:
-            done = {"settings": settings, "figures": measured(judge, run)}
+        if done.get("settings") != own:
+            done = {"settings": own, "figures": measured(judge, run)}
             path.write_text(json.dumps(done, indent=1), encoding="utf-8")
         figures[name].append(done["figures"])
     console.print(table(figures))

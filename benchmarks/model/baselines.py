@@ -10,7 +10,7 @@ again. Times are of the processor, in samples of the model as it is shipped. It 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -22,12 +22,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from torch import Tensor
+from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, write_csv
 from benchmarks.shared.raw_diffusion import FrameDenoiser, RawSampler, RawTask
-from flexmotion.bundles.bundle import Bundle
 from flexmotion.evaluation.interval import Interval
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
@@ -70,6 +70,7 @@ class Cost:
 def main(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for what is trained and exported here.")],
+    frames: Annotated[bool, typer.Option(help="Also the diffusion of frames, which is trained for hours.")] = True,
     steps: Annotated[int, typer.Option(min=1, help="Training steps of the diffusion of frames.")] = 5000,
     windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 256,
     threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
@@ -79,20 +80,23 @@ def main(
     """Train the diffusion of frames where it is not, and measure all of them."""
     use_threads(threads)
     run, console = Run(training), Console(width=200)
-    frames = trained_frames(run, out / "frames", steps)
+    network = trained_frames(run, out / "frames", steps) if frames else None
     student, teacher = (export(run, out / name, distilled=name == "student") for name in ("student", "teacher"))
-    samplers: dict[str, Sampler] = {f"student, {count}": Sampler(student, count, unjudged=True) for count in FEW}
+    few = sorted({*FEW, student.manifest.steps})
+    samplers: dict[str, Sampler] = {f"student, {count}": Sampler(student, count, unjudged=True) for count in few}
     samplers |= {f"teacher, {count}": Sampler(teacher, count, unjudged=True) for count in TEACHER}
-    samplers[f"frames, {TEACHER[-1]}"] = RawSampler(student, frames, run, TEACHER[-1])
+    if network is not None:
+        samplers[f"frames, {TEACHER[-1]}"] = RawSampler(student, network, run, TEACHER[-1])
     judge = Judge(run, student.body, windows, seed)
     figures = {"real": judge.measure(judge.real), "nearest": judge.measure(judge.nearest())}
     for name, sampler in track(samplers.items(), "measures", transient=True):
         figures[name] = judge.measure(judge.sampled(sampler), judge.delivered(sampler))
-    costs, times = costs_of(run, frames, student), times_of(judge, samplers, f"student, {student.manifest.steps}")
+    costs, times = costs_of(run, network, few), times_of(judge, samplers, f"student, {student.manifest.steps}")
     rows = {name: numbers(found, costs.get(name), times.get(name)) for name, found in figures.items()}
     console.print(table(figures, costs, times))
-    record = training_record(out / "frames")
-    console.print(f"diffusion of frames: {record.steps} steps of {record.batch} windows; teacher: {_trained(run)}")
+    console.print(f"teacher: {_trained(run.stage('diffusion'))} on a latent")
+    if network is not None:
+        console.print(f"diffusion of frames: {_trained(out / 'frames')}")
     if csv_out is not None:
         write_csv(csv_out, [{"way": name, **dict.fromkeys(_names(rows), ""), **row} for name, row in rows.items()])
     return Outcome((), rows)
@@ -110,12 +114,14 @@ def trained_frames(run: Run, folder: Path, steps: int) -> FrameDenoiser:
     return network.eval()
 
 
-def costs_of(run: Run, frames: FrameDenoiser, bundle: Bundle) -> dict[str, Cost]:
-    """Parameters and operations of a sample, by way."""
-    found = {f"student, {count}": latent_cost(run, count, distilled=True) for count in FEW}
+def costs_of(run: Run, frames: FrameDenoiser | None, few: Sequence[int]) -> dict[str, Cost]:
+    """Parameters and operations of a sample, by way; `few`: steps of the student."""
+    found = {f"student, {count}": latent_cost(run, count, distilled=True) for count in few}
     found |= {f"teacher, {count}": latent_cost(run, count, distilled=False) for count in TEACHER}
+    if frames is None:
+        return found
     size = sum(value.numel() for value in frames.parameters())
-    denoising = _operations(lambda: frames(*_inputs(run, ROWS, bundle.manifest.future * run.layout.size)))
+    denoising = _operations(lambda: frames(*_inputs(run, ROWS, run.config.window.future * run.layout.size)))
     found[f"frames, {TEACHER[-1]}"] = Cost(size, TEACHER[-1] * denoising)
     return found
 
@@ -140,7 +146,8 @@ def _inputs(run: Run, rows: int, latent: int) -> tuple[Tensor, ...]:
 
 
 def _operations(run: Callable[[], object]) -> int:
-    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+    # Other kernels of attention are not counted.
+    with torch.no_grad(), sdpa_kernel(SDPBackend.MATH), FlopCounterMode(display=False) as counter:
         run()
     return int(counter.get_total_flops())
 
@@ -184,9 +191,9 @@ def table(figures: dict[str, dict[str, Interval]], costs: dict[str, Cost], times
     return made
 
 
-def _trained(run: Run) -> str:
-    record = training_record(run.stage("diffusion"))
-    return f"{record.steps} steps of {record.batch} windows on a latent"
+def _trained(stage: Path) -> str:
+    record = training_record(stage)
+    return f"{record.steps} steps of {record.batch} windows"
 
 
 def _names(rows: dict[str, dict[str, float]]) -> list[str]:

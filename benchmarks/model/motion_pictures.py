@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.model.real_clips import real_clips
 from benchmarks.model.roll_out import always, roll_out
-from benchmarks.robot.model_run import follow, sampler_of
+from benchmarks.robot.model_run import follow
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome
@@ -141,6 +141,7 @@ def main(
     if videos:
         check_video()
     sampler, found = open_sampler(bundle, steps), open_set(data)
+    followed = open_sampler(bundle, steps, balanced=False) if videos else sampler
     plots.mkdir(parents=True, exist_ok=True)
     for name in kind or KINDS:
         if not wordings(name):
@@ -149,14 +150,13 @@ def main(
         with styled():
             print(save(draw(name, rows), plots / f"motion_{name}.png"))
         if videos:
-            print(film(name, rows, bundle, seed, plots / f"motion_{name}.mp4"))
+            print(film(name, rows, followed, seed, plots / f"motion_{name}.mp4"))
     return Outcome()
 
 
-def film(kind: str, rows: list[Strip], bundle: Path | None, seed: int, path: Path) -> Path:
+def film(kind: str, rows: list[Strip], sampler: Sampler, seed: int, path: Path) -> Path:
     """The motions of a kind side by side, and the robot that follows the prompt."""
     robot, prompt = load_robot("op3"), wordings(kind)[0]
-    sampler = sampler_of(bundle)
     pace, items = human_pace(robot, sampler.body), [Item(0.0, Text(prompt))]
     source = ModelSource(sampler, items, f"prompt:{prompt}", seed, SECONDS + 1.0, pace)
     record = follow(robot, source, perturbed=False, seed=seed, mass_kg=0.0).record

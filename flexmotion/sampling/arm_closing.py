@@ -100,14 +100,16 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
     pose, joints = WindowPose.of(motion, anchor), motion.joints.copy()
     for points, columns in arms:
         arm = ArmPose(pose.anchor[:, columns], pose.axis[:, columns], pose.points[:, points], CARRIED)
-        wanted, limits = Wanted(asked[:, points], places[:, points]), joint_limits()[columns]
+        mask = asked[:, points].copy()
+        mask[:, 0] = False  # no arm moves its shoulder
+        wanted, limits = Wanted(mask, places[:, points]), joint_limits()[columns]
         joints[:, columns] = _closed(arm, joints[:, columns], limits, wanted)
     return replace(motion, joints=joints)
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Places that are asked of `PLACED`, (W, 3, 3) [m], and which of their coordinates are."""
+    """Places that are asked of `PLACED`, (W, 3, 3) [m], and which of their coordinates are; none of the shoulder."""
 
     mask: NDArray[np.bool_]
     places: Float

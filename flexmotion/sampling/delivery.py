@@ -8,8 +8,9 @@ other forces. After planting, therefore:
 3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
 4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
 
-Activations stay as the model predicts them: which muscles work against each other is not seen in the motion, and their
-sum is not corrected for the change of the torques. Joint contact forces change by the part of the ground alone.
+Activations stay as the model predicts them, but for those that are asked (`muscle_share`): which muscles work against
+each other is not seen in the motion, and their sum is not corrected for the change of the torques. Joint contact
+forces change by the part of the ground alone.
 
 Accelerations at the end of a window depend on what follows. The forces of the last frames are therefore made once more
 with the next window, and `Delivered.before` has them.

@@ -5,8 +5,8 @@ that are asked are taken as they are, and in each frame the others change least,
 
     change = argmin |change|²  with  arms · change = -arms · (asked - predicted),
 
-within 0 and 1: muscles that reach a bound are fixed there, and the rest is solved again. Where too few muscles are
-free, the torques that are missing are left.
+within 0 and 1. Muscles that reach a bound are fixed there, and the rest is solved again; frames that still lack torque
+are solved as a whole (least squares within bounds). What remains is what the free muscles cannot give, and is left.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from flexmotion.biomechanics.muscle_arms import MuscleArms
 from flexmotion.human.motion import Motion
@@ -27,6 +28,12 @@ ROUNDS = 6
 
 SMALL = 1e-6
 """Regularisation, relative to the mean of the normal matrix: of joints that no free muscle moves."""
+
+LACKS = 0.1
+"""Torque of the muscle models' human from which on a frame is solved as a whole [N·m]."""
+
+CHANGED = 1e-3
+"""Weight of a change of activations beside a torque of one N·m, there."""
 
 SPREAD = 5.0
 """Frames before and after an asked one over which a change of activation begins and ends."""
@@ -95,4 +102,12 @@ def _balanced(activations: Float, arms: Float, missing: Float, free: Flags) -> F
         found, loose = moved, loose & ~stopped
         if not stopped.any():
             break
+    for frame in np.flatnonzero(np.abs(missing).max(axis=1) > LACKS):
+        own, begun = arms[frame][:, free], activations[frame, free]
+        if not own.size:
+            continue
+        wanted = missing[frame] + own @ found[frame, free]
+        system = np.concatenate([own, CHANGED * np.eye(own.shape[1])])
+        solved = lsq_linear(system, np.concatenate([wanted, CHANGED * begun]), bounds=(0.0, 1.0))
+        found[frame, free] = np.clip(solved.x, 0.0, 1.0)
     return found

@@ -1,4 +1,4 @@
-"""`torque_change`: how the torques of a balanced window change with its latent.
+"""`torque_change`, `force_change`: how torques and ground forces of a balanced window change with its latent.
 
 A joint's torque is what the masses beyond it need, less what the ground gives them (`biomechanics.inverse_dynamics`).
 For a leg that stands it is also what all other masses need, less what the ground gives to the other foot, whose force
@@ -60,6 +60,24 @@ def torque_change(change: WindowChange, pose: WindowPose, motion: Motion, yaw: f
     others = np.arange(model.nbody) > 0
     around = _needed(change, pose, others & ~beyond, place, axis, moved, ground[:, 1 - own])
     found: Float32 = (1.0 - share) * direct - share * around
+    return found
+
+
+def force_change(change: WindowChange, pose: WindowPose, motion: Motion) -> Float32:
+    """Derivatives of the ground forces on left and right foot, (W, 2, 3, L) [weight].
+
+    What the motion needs as a whole, by its centre of mass, shared between the feet by their load.
+
+    Args:
+        change, pose, motion: see `torque_change`.
+    """
+    assert motion.wrenches is not None
+    centre = change.centre(np.arange(human_model(pose.body).model.nbody) > 0)
+    centre[:, :2] -= BALANCED * change.path[:, :2]
+    whole = change.fps**2 * pose.body.leg / GRAVITY * _curvature(centre)
+    load = np.maximum(motion.wrenches[..., 2], 0.0)
+    share = (load / np.maximum(load.sum(axis=1, keepdims=True), 1e-6)).astype(np.float32)
+    found: Float32 = (share[:, :, None, None] * whole[:, None]).astype(np.float32)
     return found
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import signal
+import sys
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
@@ -11,9 +15,13 @@ from torch.utils.data import DataLoader, Dataset
 Batch = TypeVar("Batch")
 
 WORKERS = 4
-"""Processes that draw for one GPU."""
+"""Processes that draw for one GPU, at most as many as there are other cores. Each keeps a batch ready and draws the
+next: of 768 windows with constraints a batch takes 170 MB of shared memory."""
 
 ENDLESS = 1 << 31
+"""More steps than any training has."""
+
+_PR_SET_PDEATHSIG = 1
 
 
 class Ahead(Generic[Batch]):
@@ -22,35 +30,47 @@ class Ahead(Generic[Batch]):
     A batch depends on its step alone, so that a resumed training sees the same ones, whoever draws them.
 
     Args:
-        draw: batch of a step, on the CPU.
         device: on which it is trained; on the CPU this process draws, for it would not wait.
         workers: processes that draw for a GPU.
     """
 
-    def __init__(self, draw: Callable[[int], Batch], device: torch.device, workers: int = WORKERS) -> None:
-        self._draw, self._workers = draw, workers if device.type == "cuda" else 0
+    def __init__(self, device: torch.device, workers: int | None = None) -> None:
+        most = max(1, min(WORKERS, len(os.sched_getaffinity(0)) - 1)) if workers is None else workers
+        self._workers = most if device.type == "cuda" else 0
         self._next = 0
         self._drawn: Iterator[Batch] | None = None
 
-    def __call__(self, step: int) -> Batch:
-        """Batch of a step; already drawn where steps are asked for in order."""
+    def __call__(self, step: int, draw: Callable[[int], Batch]) -> Batch:
+        """Batch of a step; already drawn where steps are asked for in order.
+
+        Args:
+            step: of the training.
+            draw: batch of a step, on the CPU; the same in every call.
+        """
         if not self._workers:
-            return self._draw(step)
+            return draw(step)
         if self._drawn is None or step != self._next:
-            steps = range(step, ENDLESS)
+            self.close()
             # Forked, they share the memory of the features, and begin at once.
             self._drawn = iter(
                 DataLoader(
-                    _Steps(self._draw),
+                    _Steps(draw),
                     batch_size=None,
-                    sampler=steps,
+                    sampler=range(step, ENDLESS),
                     num_workers=self._workers,
+                    prefetch_factor=1,
                     collate_fn=_as_drawn,
+                    worker_init_fn=_end_with_the_parent,
                     multiprocessing_context="fork",
                 )
             )
         self._next = step + 1
         return next(self._drawn)
+
+    def close(self) -> None:
+        """End the other processes; they begin anew where a batch is asked for."""
+        ended, self._drawn = self._drawn, None
+        del ended  # its finaliser ends them
 
 
 class _Steps(Dataset[Batch]):
@@ -65,3 +85,9 @@ class _Steps(Dataset[Batch]):
 
 def _as_drawn(batch: Batch) -> Batch:
     return batch
+
+
+def _end_with_the_parent(worker: int) -> None:
+    """End when the parent is killed: a batch that waits in a full pipe would keep the process alive."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

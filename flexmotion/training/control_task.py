@@ -65,6 +65,10 @@ class Example:
     asked: Asked
 
 
+VERSION = 2
+"""Of draws and loss: increased when either changes, for a training that was begun with others does not go on."""
+
+
 class ControlTask:
     """Training of the branch; see `stage.Task`.
 
@@ -97,7 +101,7 @@ class ControlTask:
         held_out = teacher.held_out.draw((seed, 41), VALIDATION)
         described = teacher.training.describe(held_out, (seed, 42, 1)).to(device)
         self._held_out = self._example(held_out.to(device), described, self._ask(held_out, (seed, 42)).to(device))
-        self._ahead = Ahead(self._batch, device)
+        self._ahead: Ahead[tuple[Drawn, Asked]] = Ahead(device)
 
     def _batch(self, step: int) -> tuple[Drawn, Asked]:
         teacher, batch, key = self.teacher, self.config.stages.control.batch, self._key(step)
@@ -110,13 +114,17 @@ class ControlTask:
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
         teacher, batch, key = self.teacher, self.config.stages.control.batch, self._key(step)
-        drawn, asked = self._ahead(step)
+        drawn, asked = self._ahead(step, self._batch)
         example = self._example(*teacher.followed(drawn), asked.to(teacher.processes.device))
         place = (uniform((*key, 2), (batch,)) ** LATE * self.config.distillation.grid).long()
         found = self._estimate(example, self._grid[place], (*key, 3))
         latent = torch.nn.functional.huber_loss(found, example.latent, delta=self.config.distillation.huber)
         kept = self._kept(example, found).mean()
         return kept + self.config.control.latent * latent, {"kept": kept, "latent": latent}
+
+    def close(self) -> None:
+        """See `stage.Closing`."""
+        self._ahead.close()
 
     def validate(self) -> dict[str, float]:
         """Loss at the latest time, from which sampling begins, and that of each kind."""
@@ -175,6 +183,9 @@ class ControlTask:
         beyond = (found[..., limits].abs() - asked.values[..., limits]).clamp(min=0) * self._weight[limits]
         error = torch.cat([error[..., : limits.start], beyond, error[..., limits.stop :]], dim=-1)
         needed, both = self._needed(body, humans, asked)
+        # Loads of variants bear on the ground too.
+        unloaded = (windows.future_loads == 0).flatten(2).all(dim=2, keepdim=True)
+        both = both * unloaded
         error, mask = torch.cat([error, needed], dim=-1), torch.cat([asked.mask, both], dim=-1)
         size = error.abs()
         loss = torch.where(size < 1.0, 0.5 * error.square(), size - 0.5)

@@ -70,7 +70,7 @@ class Before:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A batch on the CPU; its last windows follow those of `before`, of which the model has still to sample them."""
+    """A batch on the CPU; its last windows follow those of `before`, whose samples are their histories."""
 
     windows: Windows
     conditions: Conditions
@@ -133,7 +133,7 @@ class DiffusionTask:
         windows, conditions = drawn.to(processes.device), self.held_out.describe(drawn, (seed, 22))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
         self._held_out = Latents(latent, windows, conditions.to(processes.device))
-        self._ahead = Ahead(self._batch, processes.device)
+        self._ahead: Ahead[Drawn] = Ahead(processes.device)
 
     def _measure_words(self, sentences: Sentences, manners: Manners) -> None:
         network = self.network
@@ -167,7 +167,7 @@ class DiffusionTask:
         """See `stage.Task`."""
         diffusion, key = self.config.diffusion, self._key(step)
         batch, device = self.config.stages.diffusion.batch, self.processes.device
-        windows, conditions = self.followed(self._ahead(step))
+        windows, conditions = self.followed(self._ahead(step, self._batch))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
         # More often late than early: the condition decides most where little of the latent is left.
         time = (uniform((*key, 4), (batch,)) ** TIME_POWER * diffusion.steps).long().to(device)
@@ -184,6 +184,10 @@ class DiffusionTask:
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
 
+    def close(self) -> None:
+        """See `stage.Closing`."""
+        self._ahead.close()
+
     @property
     def roll_out(self) -> float:
         """Final share of roll-outs; 0 without a history, or where no clip has two consecutive windows."""
@@ -198,7 +202,7 @@ class DiffusionTask:
         return self.drawn(key, (*key, 3), self.config.stages.diffusion.batch, self._roll_out_share(step))
 
     def drawn(self, key: tuple[int, ...], described: tuple[int, ...], size: int, roll_out: float) -> Drawn:
-        """Training batch, on the CPU: windows of clips, that change over to another clip, and for roll-outs.
+        """Training batch, on the CPU: windows of clips, that change over to another, and after roll-outs.
 
         Args:
             key: seed of the windows.

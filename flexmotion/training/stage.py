@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -49,6 +49,15 @@ class Task(Protocol):
 
     def validate(self) -> dict[str, float]:
         """Figures on held-out windows; the weights with the least `loss` are kept as the best."""
+        ...
+
+
+@runtime_checkable
+class Closing(Protocol):
+    """A task that has begun other processes."""
+
+    def close(self) -> None:
+        """End them; it may train again."""
         ...
 
 
@@ -112,17 +121,21 @@ def train_stage(
         return group.any(seconds is not None and time.monotonic() - begin >= seconds)
 
     begin = saved = time.monotonic()
-    if begun or (pretrained and not training.step):
-        training.validate()
-    while training.step < stage.steps and not time_is_over():
-        training.advance()
-        if training.step % stage.validate_every == 0 or training.step == stage.steps:
+    try:
+        if begun or (pretrained and not training.step):
             training.validate()
-        if time.monotonic() - saved > save_every:
-            training.save()
-            saved = time.monotonic()
-        progress(training.progress)
-    training.end()
+        while training.step < stage.steps and not time_is_over():
+            training.advance()
+            if training.step % stage.validate_every == 0 or training.step == stage.steps:
+                training.validate()
+            if time.monotonic() - saved > save_every:
+                training.save()
+                saved = time.monotonic()
+            progress(training.progress)
+        training.end()
+    finally:
+        if isinstance(task, Closing):
+            task.close()
     return training.progress
 
 

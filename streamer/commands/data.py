@@ -334,8 +334,8 @@ def _report(manifest: dict, as_json: bool) -> None:
     print_result(f"clips: {summary['clips_kept']} kept, {named} of them with labels or captions; dropped: {dropped}")
     if named < len(manifest["clips"]):
         print_note(
-            f"{len(manifest['clips']) - named} clips have neither: no words are learnt from them, and none is held out by"
-            " its label; their collection's *_index.csv or *_captions.csv belongs into a folder that is read"
+            f"{len(manifest['clips']) - named} clips have neither: no words are learnt from them; put the collection's"
+            " *_index.csv or *_captions.csv in one of the folders"
         )
     table = Table("field", "unit", *COLUMNS)
     for name, row in sorted(manifest["ranges"].items()):

@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from flexmotion.configs.errors import FilmError
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED, OK
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
@@ -89,7 +90,10 @@ def present(
     else:
         print_result(render(report))
     if folder is not None:
-        print_note(f"report: {outcome.write(folder, video=video)}")
+        try:
+            print_note(f"report: {outcome.write(folder, video=video)}")
+        except FilmError as error:  # the run's verdict decides
+            print_note(f"report: {folder / 'index.html'}, without a film: {error}")
     if report.safety.hardware_failed and not outcome.simulated:
         if port := emulated_port(report.options):
             print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")

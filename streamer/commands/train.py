@@ -252,13 +252,14 @@ def control(run: Run, finish: Finish) -> None:
       flexmotion train control --from released.safetensors --set set -o further
     """
     from flexmotion.training.checkpoints import digest, load_weights
-    from flexmotion.training.control_task import ControlTask
+    from flexmotion.training.control_task import VERSION, ControlTask
     from flexmotion.training.export import load_networks
 
     student = load_networks(run, distilled=True)[1]
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
     built_on = digest(dict(student.named_parameters())) + run.config.control.model_dump_json(exclude={"latent"})
+    built_on += f"draws and loss {VERSION}"
     finish(ControlTask(run.config, teacher, student, run.seed), pretrained=built_on)
 
 

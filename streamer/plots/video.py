@@ -16,7 +16,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, FilmError
 from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
@@ -167,9 +167,15 @@ def film_run(path: Path, record: RunTrace, robot: Robot, motion: Motion | None) 
 
 
 def check_video() -> None:
-    """Raise `ConfigError` where the extra `video` is not installed."""
+    """Raise `ConfigError` where the extra `video` is not installed, or has no encoder for this platform."""
     if find_spec("imageio_ffmpeg") is None:
         raise ConfigError("a video needs the extra 'video': pip install 'flexmotion[video]'")
+    import imageio_ffmpeg
+
+    try:
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except RuntimeError as error:
+        raise ConfigError("a video needs ffmpeg: the extra 'video' has none for this platform, install it") from error
 
 
 def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float) -> Path:
@@ -182,6 +188,7 @@ def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float)
 
     Raises:
         ConfigError: the extra `video` is not installed.
+        FilmError: the file cannot be written.
     """
     check_video()
     import imageio_ffmpeg
@@ -190,9 +197,12 @@ def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float)
     figure = Figure(figsize=(PANEL_IN[0] * len(panels), PANEL_IN[1]), dpi=DOTS)
     canvas = FigureCanvasAgg(figure)
     size = tuple(int(value) for value in figure.get_size_inches() * DOTS)
-    writer = imageio_ffmpeg.write_frames(str(path), size, fps=FPS, codec="libx264", macro_block_size=2)
-    writer.send(None)
+    # Written under another name, so that a film that was not finished is never taken for one.
+    begun = path.with_name(f"{path.stem}.part{path.suffix}")
+    path.unlink(missing_ok=True)
+    writer = imageio_ffmpeg.write_frames(str(begun), size, fps=FPS, codec="libx264", macro_block_size=2)
     try:
+        writer.send(None)
         with styled():
             for number in range(max(1, round(seconds * FPS))):
                 figure.clear()
@@ -206,8 +216,15 @@ def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float)
                     axes.set_axis_off()
                 canvas.draw()
                 writer.send(np.asarray(canvas.buffer_rgba())[..., :3].tobytes())
+        writer.close()
+        if not begun.stat().st_size:
+            raise FilmError(f"{path}: cannot be written: the encoder wrote nothing")
+        begun.replace(path)
+    except OSError as error:
+        raise FilmError(f"{path}: cannot be written: {error}") from error
     finally:
         writer.close()
+        begun.unlink(missing_ok=True)
     return path
 
 

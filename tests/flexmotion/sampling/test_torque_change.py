@@ -1,4 +1,4 @@
-"""Derivatives of torques, against the torques of windows that were changed."""
+"""Derivatives of torques and ground forces, against those of windows that were changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.planted import Slip
 from flexmotion.sampling.sampler import Condition, Sampler
-from flexmotion.sampling.torque_change import torque_change
+from flexmotion.sampling.torque_change import force_change, torque_change
 from flexmotion.sampling.window_pose import WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -20,6 +20,32 @@ from flexmotion.spatial.gravity import GRAVITY
 @pytest.fixture(scope="module")
 def sampler(bundle: Path) -> Sampler:
     return Sampler(Bundle(bundle))
+
+
+class Window:
+    """A sampled window, and what becomes of it when its latent changes."""
+
+    def __init__(self, sampler: Sampler, text: str) -> None:
+        self.sampler, condition = sampler, Condition(text)
+        history = sampler.sample(sampler.standing(), condition, 3)
+        remembered = sampler._remember(history)
+        latent = sampler._latent(remembered, condition, 4)
+        self._draft, self._found = sampler._draft(history, remembered, condition), sampler._frames(latent)
+        self.tangent, self._begun = sampler._solver._tangent, self._draft.joined(self._found)
+        self.first, slip = self.changed(np.zeros(self.tangent.size, np.float32))
+        assert slip is not None
+        self.yaw = self._draft.anchor.yaw
+        self.pose = WindowPose.of(self.first, self._draft.anchor)
+        self.changes = self.tangent.at(self.pose, slip.holding.turned(-self.yaw))
+
+    def changed(self, change: np.ndarray) -> tuple[Motion, Slip | None]:
+        motion, slip = self._draft.planted(self._begun + self.tangent.features(change, self.sampler.layout))
+        travelled = self._found + self.tangent.travel(change, self.sampler.layout)
+        return self._draft.delivered(motion, travelled).window, slip
+
+
+INNER = slice(4, -6)
+"""The ends of a window depend on what comes before and follows."""
 
 
 @pytest.mark.parametrize(
@@ -32,29 +58,32 @@ def sampler(bundle: Path) -> Sampler:
     ],
 )
 def test_a_step_along_the_derivatives_lowers_a_torque_as_they_say(sampler: Sampler, text: str, joint: str) -> None:
-    condition, number = Condition(text), JOINTS.index(joint)
-    history = sampler.sample(sampler.standing(), condition, 3)
-    remembered = sampler._remember(history)
-    latent = sampler._latent(remembered, condition, 4)
-    draft, found = sampler._draft(history, remembered, condition), sampler._frames(latent)
-    tangent, begun = sampler._solver._tangent, draft.joined(found)
-
-    def window(change: np.ndarray) -> tuple[Motion, Slip | None]:
-        motion, slip = draft.planted(begun + tangent.features(change, sampler.layout))
-        return draft.delivered(motion, found + tangent.travel(change, sampler.layout)).window, slip
-
-    first, slip = window(np.zeros(tangent.size, np.float32))
-    assert first.torques is not None and slip is not None
-    pose = WindowPose.of(first, draft.anchor)
-    changes = tangent.at(pose, slip.holding.turned(-draft.anchor.yaw))
-    derivatives = torque_change(changes, pose, first, draft.anchor.yaw, number)
+    window, number = Window(sampler, text), JOINTS.index(joint)
+    first = window.first
+    assert first.torques is not None
+    derivatives = torque_change(window.changes, window.pose, first, window.yaw, number)
     torque = first.torques[:, 6 + number] / (sampler.body.mass * GRAVITY * sampler.body.leg)
-    # Less of the torque's square over the window, the ends of which depend on what follows.
-    inner = slice(4, -6)
-    downhill = -derivatives[inner].T @ torque[inner]
+    # Less of the torque's square over the window.
+    downhill = -derivatives[INNER].T @ torque[INNER]
     step = (0.5 * downhill / np.linalg.norm(downhill)).astype(np.float32)
-    moved, _ = window(step)
+    moved, _ = window.changed(step)
     assert moved.torques is not None
-    change = (moved.torques - first.torques)[inner, 6 + number] / (sampler.body.mass * GRAVITY * sampler.body.leg)
-    gained, expected = float(change @ torque[inner]), float(derivatives[inner] @ step @ torque[inner])
+    change = (moved.torques - first.torques)[INNER, 6 + number] / (sampler.body.mass * GRAVITY * sampler.body.leg)
+    gained, expected = float(change @ torque[INNER]), float(derivatives[INNER] @ step @ torque[INNER])
     assert expected < 0 and 0.25 < gained / expected < 2.5
+
+
+@pytest.mark.parametrize("text", ["walk forward", "wave with the right hand"])
+def test_a_step_along_the_derivatives_changes_the_ground_force_as_they_say(sampler: Sampler, text: str) -> None:
+    window = Window(sampler, text)
+    assert window.first.wrenches is not None
+    weight = sampler.body.mass * GRAVITY
+    derivatives = force_change(window.changes, window.pose, window.first).sum(axis=1)[INNER, 2]  # of both feet, up
+    wanted = -(window.first.wrenches[:, :, 2].sum(axis=1) / weight - 1.0)[INNER]  # as when standing still
+    uphill = derivatives.T @ wanted
+    step = (0.5 * uphill / np.linalg.norm(uphill)).astype(np.float32)
+    moved, _ = window.changed(step)
+    assert moved.wrenches is not None
+    change = (moved.wrenches - window.first.wrenches)[:, :, 2].sum(axis=1)[INNER] / weight
+    gained, expected = float(change @ wanted), float(derivatives @ step @ wanted)
+    assert expected > 0 and 0.25 < gained / expected < 2.5

@@ -1,0 +1,93 @@
+"""Batches are the same whoever draws them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import psutil
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from flexmotion.training.ahead import Ahead  # noqa: E402
+
+from ...waiting import wait_until  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Batch:
+    values: torch.Tensor
+    numbers: np.ndarray
+    drawn_by: int
+
+
+def draw(step: int) -> Batch:
+    rng = np.random.default_rng((5, step))
+    return Batch(torch.from_numpy(rng.standard_normal((4, 3))), rng.integers(0, 9, 6), os.getpid())
+
+
+@pytest.fixture
+def ahead() -> Ahead[Batch]:
+    """As for a GPU: workers draw on the CPU, whatever trains."""
+    return Ahead(torch.device("cuda"), workers=2)
+
+
+def test_other_processes_draw_what_this_one_would(ahead: Ahead[Batch]) -> None:
+    for step in (0, 1, 2, 3, 9, 10, 4):  # in order, a jump ahead, and a step again after a resume
+        found, expected = ahead(step, draw), draw(step)
+        assert torch.equal(found.values, expected.values)
+        np.testing.assert_array_equal(found.numbers, expected.numbers)
+        assert found.drawn_by != os.getpid()
+
+
+def test_a_cpu_draws_for_itself() -> None:
+    assert Ahead(torch.device("cpu"))(3, draw).drawn_by == os.getpid()
+
+
+def test_a_worker_that_fails_is_heard() -> None:
+    def broken(step: int) -> Batch:
+        raise ValueError(f"step {step}: no clip is long enough")
+
+    with pytest.raises(ValueError, match="no clip is long enough"):
+        Ahead(torch.device("cuda"), workers=1)(0, broken)
+
+
+def test_closed_ones_leave_no_process_and_draw_again(ahead: Ahead[Batch]) -> None:
+    """Three trainings one after the other left twelve processes."""
+    worker = psutil.Process(ahead(0, draw).drawn_by)
+    assert alive(worker)
+    ahead.close()
+    wait_until(lambda: not alive(worker), "the drawing process to end")
+    assert torch.equal(ahead(1, draw).values, draw(1).values)
+
+
+def alive(process: psutil.Process) -> bool:
+    """Whether it runs; one that has ended may wait for somebody to take note of it."""
+    try:
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
+
+
+BIG = 20_000
+"""Numbers of a batch that does not fit into a pipe: its process waits until somebody reads it."""
+
+
+def test_a_killed_training_leaves_no_process() -> None:
+    """Processes that wait in a full pipe outlived a training that was killed."""
+    program = (
+        "import time, numpy, torch\n"
+        "from flexmotion.training.ahead import Ahead\n"
+        f"draw = lambda step: numpy.zeros({BIG})\n"
+        "ahead = Ahead(torch.device('cuda'), workers=2); ahead(0, draw); print('drawn', flush=True); time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as training:
+        assert training.stdout is not None and training.stdout.readline() == "drawn\n"
+        workers = psutil.Process(training.pid).children()
+        assert len(workers) >= 2
+        training.kill()
+    wait_until(lambda: not any(map(alive, workers)), "the drawing processes to end")
