@@ -143,8 +143,9 @@ class PartTargets:
                 continue
             due = float(state.part_due[own].max())
             delivered, away = one.delivered, None
-            if not delivered and due <= rows.end_tick:
-                q = rows.q[max(math.ceil(due) - rows.start_tick, 0) :]
+            first = max(math.ceil(due) - rows.start_tick, 0)
+            if not delivered and first < len(rows.q):
+                q = rows.q[first:]
                 delivered, away = True, self._retargeter.solver.kept_away(own - len(POSTURE), one.goal.angles, q)
             late_s = (due - one.asked_due) / self._rate
             slowed = f"{one.intent.in_s + late_s:.2f} s until it is there" if late_s > _LATE_S else None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from flexmotion.retarget.arm_chain import ArmChain
+from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
@@ -162,3 +165,22 @@ def test_a_new_planner_leaves_the_arms_where_they_are(monkeypatch: pytest.Monkey
         assert asked(one, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
         go_on(one, 1.5)
         assert np.linalg.norm(held - PLACE) < 0.005 and np.linalg.norm(hand(one) - held) < 0.002
+
+
+def test_a_part_may_be_there_just_as_the_plan_ends(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a plan has no row in which the part is there: the planner died of it, and the robot parked."""
+    made, ended = PartTargets.made, []
+
+    def until_due(self: PartTargets, plan: int, rows: Plan, playing: int, tick: int) -> None:
+        layout = self._retargeter.layout
+        due = layout.view(rows.states[0].copy()).part_due
+        own = due[(due > rows.start_tick + 1) & (due <= rows.end_tick)]
+        if len(own):
+            ended.append(plan)
+            rows = replace(rows, q=rows.q[: math.ceil(own.max()) - rows.start_tick])
+        made(self, plan, rows, playing, tick)
+
+    monkeypatch.setattr(PartTargets, "made", until_due)
+    assert asked(live, Hand("left", PLACE, in_s=1.0)).state == "accepted"
+    go_on(live, 1.5)
+    assert ended and live.session.state.ladder in (State.STREAMING, State.HOLD)
