@@ -21,7 +21,6 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraint_layout import (
     CENTRES,
     FORCES,
-    PATH,
     PLACES,
     ROTATIONS,
     TORQUE_LIMITS,
@@ -104,8 +103,6 @@ class ConstraintSolver:
         latent: Float32,
         constraints: Constraints,
         steps: int,
-        *,
-        led: bool = False,
     ) -> Delivered:
         """The window that keeps its constraints.
 
@@ -118,19 +115,16 @@ class ConstraintSolver:
                 as it is handed on, those before it a sketch of it; what neither arms keep nor torques are has one
                 more. The last of several sees the window decoded anew, so that forces and contacts are those of the
                 motion but for a last small change.
-            led: whether a control branch has brought the latent near already: paths are then kept by it alone, elbows
-                and hands by the arms; other places, angles and heading are corrected on the sketch, which takes half of
-                the time, torques as ever.
         """
-        rows = self._rows(constraints, draft.balanced, led)
+        rows = self._rows(constraints, draft.balanced)
         change = np.zeros(self._tangent.size, np.float32)
         decoded = change  # of which the decoder has been run
         found = decode(latent)
         features = begun = draft.joined(found)
         # Places of the arms are kept at last wherever feet and balance take the body.
         left = rows.columns[~closable(constraints)[rows.columns]]
-        exact = not led and (bool(draft.balanced and len(left)) or self._moves_legs(left))
-        before = exact and bool(len(left)) and not rows.of_forces
+        exact = bool(draft.balanced and len(left)) or self._moves_legs(left)
+        before = bool(len(left)) and not rows.of_forces
         for step in range(steps + before if steps and len(rows.columns) else 0):
             last = step == steps + before - 1
             if last and steps > 1:
@@ -188,19 +182,12 @@ class ConstraintSolver:
         """Whether any of the columns is of the legs, which are stretched and bent where feet are planted."""
         return bool(self._legs[columns].any())
 
-    def _rows(self, constraints: Constraints, balanced: bool, led: bool) -> _Rows:
-        """What is asked and can be corrected; torques of windows alone that have the torques of their motion.
-
-        A path that a branch leads is not: a window that is made to end in its place ends at another speed, and the next
-        ones have to make up for that. @@PATH@@
-        """
+    def _rows(self, constraints: Constraints, balanced: bool) -> _Rows:
+        """What is asked and can be corrected; torques and forces of windows alone that have those of their motion."""
         layout = self._constraints
         known = np.zeros(layout.size, np.bool_)
         for name in (*LINEAR, *((TORQUES, TORQUE_LIMITS, FORCES) if balanced else ())):
             known[layout.blocks[name]] = True
-        if led:
-            known[layout.blocks[PATH].start : layout.blocks[PATH].start + 2] = False
-            known &= ~closable(constraints)
         frames, columns = np.nonzero(constraints.mask & known)
         rotations, torques = layout.blocks[ROTATIONS], slice(layout.blocks[TORQUES].start, layout.blocks[FORCES].stop)
         return _Rows(

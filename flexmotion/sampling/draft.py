@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.biomechanics.dynamics import CONTACT_SHARE
 from flexmotion.features.constraint_layout import CENTRES, FORCES
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode, root_path
@@ -115,7 +116,7 @@ class Draft:
 
 
 def _with_forces(motion: Motion, constraints: Constraints, anchor: Anchor) -> Motion:
-    """The motion with the ground forces and centres of pressure that are asked in place of the predicted ones."""
+    """The motion with ground forces, centres of pressure and contacts as asked, in place of the predicted ones."""
     blocks, body = constraints.layout.blocks, motion.body
     asked = constraints.mask[:, blocks[FORCES].start : blocks[CENTRES].stop]
     if motion.wrenches is None or motion.pressure_centres is None or not asked.any():
@@ -127,12 +128,15 @@ def _with_forces(motion: Motion, constraints: Constraints, anchor: Anchor) -> Mo
     force = constraints.values[:, blocks[FORCES]].reshape(frames, 2, 3) * (body.mass * GRAVITY)
     mask = constraints.mask[:, blocks[FORCES]].reshape(frames, 2, 3)
     wrenches[..., :3] = turned(np.where(mask, force, own), yaw)
+    # A foot that is asked to bear stands, and one that is not does not.
+    contacts = np.ones((frames, 2), np.bool_) if motion.contacts is None else motion.contacts
+    contacts = np.where(mask[..., 2], force[..., 2] > CONTACT_SHARE * body.mass * GRAVITY, contacts)
     place = turned(centres - np.append(anchor.place, 0.0), -yaw)
     centre = constraints.values[:, blocks[CENTRES]].reshape(frames, 2, 2) * body.leg
     mask = constraints.mask[:, blocks[CENTRES]].reshape(frames, 2, 2)
     place[..., :2] = np.where(mask, centre, place[..., :2])
     centres = turned(place, yaw) + np.append(anchor.place, 0.0)
-    return replace(motion, wrenches=wrenches, pressure_centres=centres)
+    return replace(motion, wrenches=wrenches, pressure_centres=centres, contacts=contacts)
 
 
 def _with_muscles(motion: Motion, constraints: Constraints) -> Motion:

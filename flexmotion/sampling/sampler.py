@@ -184,8 +184,7 @@ class Sampler:
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
         if constraints is not None:
-            led = self.bundle.has_control
-            return self._solver.window(draft, self._frames, latent, constraints, self.corrections, led=led)
+            return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
         found = self._frames(latent)
         return draft.delivered(draft.planted(draft.joined(found))[0], found)
 
