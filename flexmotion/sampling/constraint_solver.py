@@ -54,8 +54,8 @@ CORRECTIONS = 1
 forces and contacts that the decoder predicts are those of the window before it is corrected."""
 
 ARMS_CLOSE = 0.12
-"""Distance over which arms bring elbows and hands to their places without a correction of the latent [m]. Behind a branch
-a hand is 1.38 cm off with it, 1.27 with .05 m, in 1.57 and 1.67 times a sample (30 held-out clips)."""
+"""Distance over which arms bring elbows and hands to their places without a correction of the latent [m]. Behind a
+branch a hand is 1.38 cm off with it, 1.27 with .05 m, in 1.57 and 1.67 times a sample (30 held-out clips)."""
 
 DAMPING, FAR = 1.0, 0.1
 """Damping of a step near the solution, and what the mean square of the residuals adds to it (Fan and Yuan, Computing
