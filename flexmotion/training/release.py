@@ -63,7 +63,10 @@ NEEDS: dict[str, tuple[str, ...]] = {
 autoencoder there."""
 
 _BUILT_ON = {"distill": "diffusion", "control": "distill"}
-"""The stage whose weights a stage that may lie in a file of its own was trained on."""
+"""The stage whose weights a stage was trained on, where it may lie in a file of its own."""
+
+_APART = (*_BUILT_ON, "evaluator")
+"""Stages that may lie in a file of their own."""
 
 TEXT = "text"
 TEXT_FILES = (NETWORK, VOCABULARY)
@@ -144,9 +147,9 @@ def begin_run(
         path: of the release.
         folder: of the training.
         stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder; a
-            student and a control branch that the file lacks from files beside it that were trained on its weights. A
-            stage that the folder has already is left as it is, and none is added to what the folder has trained
-            further.
+            student, a control branch and an evaluator that the file lacks from files beside it that were trained on
+            its weights, or on its words and features. A stage that the folder has already is left as it is, and none is
+            added to what the folder has trained further.
         config: name or file of a configuration with the same networks and windows; None for that of the release.
         seed: of everything drawn; None for that of the release.
 
@@ -213,20 +216,27 @@ def _network(config: ModelConfig, layout: Layout, stage: str) -> nn.Module:
 
 
 def _holding(release: ReleaseFile, stage: str) -> ReleaseFile:
-    """The file with the weights of a stage: the release, or one beside it that was trained on its weights."""
-    below = _BUILT_ON.get(stage)
-    if stage in release.header.stages or below is None:
+    """The file with the weights of a stage: the release, or one beside it that belongs to it, see `_belongs`."""
+    if stage in release.header.stages or stage not in _APART:
         return release
-    base = _holding(release, below)
-    mark = _mark(base.weights(below)) if below in base.header.stages else None
     for path in sorted(release.path.parent.glob(f"*{release.path.suffix}")):
         if path == release.path:
             continue
         with suppress(ConfigError, OSError, ValueError):  # of another program, or not readable: none of this training
             other = ReleaseFile(path)
-            if stage in other.header.stages and other.header.built_on.get(stage) == mark:
+            if stage in other.header.stages and _belongs(other, release, stage):
                 return other
     return release  # which names the stages that it has
+
+
+def _belongs(other: ReleaseFile, release: ReleaseFile, stage: str) -> bool:
+    """Whether a stage of another file was trained on what a release holds: weights, or words and features."""
+    below = _BUILT_ON.get(stage)
+    if below is None:
+        same = all(torch.equal(other.tensors[name], release.tensors[name]) for name in ("mean", "spread"))
+        return bool(release.header.text) and other.header.text == release.header.text and same
+    base = _holding(release, below)
+    return below in base.header.stages and other.header.built_on.get(stage) == _mark(base.weights(below))
 
 
 def _mark(weights: Mapping[str, Tensor]) -> str:

@@ -20,12 +20,22 @@ from flexmotion.bundles.card import CARD  # noqa: E402
 from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.streamer.cli import execute  # noqa: E402
+from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
 from flexmotion.training import own_samples  # noqa: E402
 from flexmotion.training.autoencoder_task import load_autoencoder  # noqa: E402
-from flexmotion.training.checkpoints import BEST, LAST, load_weights, read_checkpoint, write_checkpoint  # noqa: E402
+from flexmotion.training.checkpoints import (  # noqa: E402
+    BEST,
+    LAST,
+    is_trained,
+    load_weights,
+    read_checkpoint,
+    write_checkpoint,
+)
+from flexmotion.training.evaluator_task import EvaluatorTask  # noqa: E402
 from flexmotion.training.export import export, load_networks  # noqa: E402
 from flexmotion.training.half_weights import LEAST  # noqa: E402
 from flexmotion.training.personal import personal_run, personal_task, personal_teacher  # noqa: E402
+from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.release import begin_run, write_release  # noqa: E402
 from flexmotion.training.release_file import METADATA, ReleaseFile, write_release_file  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
@@ -238,6 +248,27 @@ def test_stages_that_a_release_lacks_are_found_in_the_files_of_the_same_training
     write_release_file(header, other.tensors, tmp_path / "student.safetensors")
     with pytest.raises(ConfigError, match="has no stage 'distill'"):
         begin_run(tmp_path / "main.safetensors", tmp_path / "other", ["distill"])
+
+
+def test_an_evaluator_is_found_beside_a_release_of_the_same_words(trained: Run, stages: Any, tmp_path: Path) -> None:
+    """The repository's weights had none, so that nobody could evaluate with them."""
+    run = Run(Path(copytree(trained.folder, tmp_path / "trained")))
+    encode = SentenceEncoder(run.stage("text"))
+    stages.train(run, "evaluator", EvaluatorTask(run.config, run.store(), encode, run.seed, Processes()))
+    main, judge = tmp_path / "main.safetensors", tmp_path / "evaluator.safetensors"
+    write_release(trained, main, stages=["autoencoder", "text"])
+    with pytest.raises(ConfigError, match="has no stage 'evaluator'"):
+        begin_run(main, tmp_path / "none", ["evaluator"])
+    write_release(run, judge, stages=["evaluator"])
+    assert is_trained(begin_run(main, tmp_path / "new", ["evaluator"]).stage("evaluator"))
+    other = ReleaseFile(judge)
+    for header, tensors in (
+        (other.header.model_copy(update={"text": {}}), other.tensors),
+        (other.header, other.tensors | {"mean": other.tensors["mean"] + 1}),
+    ):
+        write_release_file(header, tensors, judge)
+        with pytest.raises(ConfigError, match="has no stage 'evaluator'"):
+            begin_run(main, tmp_path / "other", ["evaluator"])
 
 
 def test_no_student_is_added_to_a_diffusion_that_was_trained_further(
