@@ -45,6 +45,9 @@ MOVED = ARM_JOINTS[:4]
 CARRIED = (0, 3, 4)
 """How many of `MOVED` move each of `PLACED`."""
 
+IN_REACH = 0.98
+"""Share of an arm's length within which a place is in reach."""
+
 ROUNDS, NEAR = 5, 1e-3
 """Steps at most; none is taken where the root mean square of what is missing is smaller than the second [m]."""
 
@@ -87,9 +90,7 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
         anchor: the frame before it.
         constraints: what is asked; all else than places of elbows and hands is left.
     """
-    first = constraints.layout.blocks[PLACES].start
-    asked = constraints.mask[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3)
-    places = constraints.values[:, first : first + 3 * len(POINTS)].reshape(len(motion), -1, 3) * motion.body.leg
+    asked, places = _asked(constraints, motion.body.leg)
     arms = [
         ([POINTS.index(f"{point}_{side}") for point in PLACED], [JOINTS.index(f"{joint}_{side}") for joint in MOVED])
         for side in SIDES
@@ -105,6 +106,36 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints) -> Motion:
         wanted, limits = Wanted(mask, places[:, points]), joint_limits()[columns]
         joints[:, columns] = _closed(arm, joints[:, columns], limits, wanted)
     return replace(motion, joints=joints)
+
+
+def within_arms(pose: WindowPose, constraints: Constraints, most: float) -> bool:
+    """Whether arms alone bring all hands that are asked to their places: near, in reach, and no elbow is asked.
+
+    Args:
+        pose: of the window.
+        constraints: what is asked.
+        most: distance of the hands from their places [m].
+    """
+    asked, places = _asked(constraints, pose.body.leg)
+    for side in SIDES:
+        shoulder, elbow, hand = (POINTS.index(f"{point}_{side}") for point in PLACED)
+        if asked[:, elbow].any():
+            return False  # it moves on a sphere
+        at, lower, own = (pose.points[:, point] for point in (shoulder, elbow, hand))
+        wanted = np.where(asked[:, hand], places[:, hand], own)
+        reach = _lengths(lower - at) + _lengths(own - lower)
+        beyond = (_lengths(wanted - own) > most) | (_lengths(wanted - at) > IN_REACH * reach)
+        if (beyond & asked[:, hand].any(axis=1)).any():
+            return False
+    return True
+
+
+def _asked(constraints: Constraints, leg: float) -> tuple[NDArray[np.bool_], Float]:
+    """Which coordinates of points are asked, (W, 16, 3), and places, (W, 16, 3) [m]."""
+    columns = constraints.layout.blocks[PLACES]
+    frames = len(constraints.mask)
+    mask = constraints.mask[:, columns].reshape(frames, -1, 3)
+    return mask, constraints.values[:, columns].reshape(frames, -1, 3) * leg
 
 
 @dataclass(frozen=True)

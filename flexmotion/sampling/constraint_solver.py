@@ -32,7 +32,7 @@ from flexmotion.features.decode import Anchor
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.arm_closing import closable
+from flexmotion.sampling.arm_closing import closable, within_arms
 from flexmotion.sampling.delivery import Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.tangent import Tangent
@@ -50,11 +50,12 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: what takes about 1.6 times a sample without constraints. With one,
-forces and contacts that the decoder predicts are those of the window before it is corrected."""
+"""Steps of a sampler that is not told otherwise: samples with a hand take about 1.5 times, others 1.7 to 2.7 times one
+without constraints. With one, forces and contacts that the decoder predicts are those of the window before it is
+corrected."""
 
 ARMS_CLOSE = 0.12
-"""Distance over which arms bring elbows and hands to their places without a correction of the latent [m]. Behind a
+"""Distance over which arms bring hands in reach to their places without a correction of the latent [m]. Behind a
 branch a hand is 1.38 cm off with it, 1.27 with .05 m, in 1.57 and 1.67 times a sample (30 held-out clips)."""
 
 DAMPING, FAR = 1.0, 0.1
@@ -115,7 +116,7 @@ class ConstraintSolver:
             decode: features of a latent, (1, L) -> (W, F), not normalised.
             latent: that was sampled, (1, L).
             constraints: what is asked; values beyond `window_change.LINEAR` are left to the decoder.
-            steps: corrections; without any, and where they are near, elbows and hands are left to the arms alone. The
+            steps: corrections; without any elbows and hands are left to the arms alone, near hands always. The
                 last one sees the window as it is handed on, those before it a sketch of it; what neither arms keep nor
                 forces are has one more. The last of several sees the window decoded anew, so that forces and contacts
                 are those of the motion but for a last small change.
@@ -137,25 +138,20 @@ class ConstraintSolver:
             if last and exact or rows.of_forces:
                 motion, slip = draft.planted(features)
                 # Forces are shared between the feet as asked before what the motion lacks of them is seen.
-                shared = constraints if rows.of_forces else None
-                window = draft.delivered(motion, found + self._travelled(change - decoded), shared).window
+                motion = draft.sharing(motion, constraints)
+                window = draft.delivered(motion, found + self._travelled(change - decoded)).window
                 pose = WindowPose.of(window, draft.anchor)
                 holding = None if slip is None else slip.holding.turned(-draft.anchor.yaw)
             else:
                 window = None
                 pose, holding = draft.sketched(features)
-                if not len(left) and self._near(rows, pose):
+                if not step and not len(left) and within_arms(pose, constraints, ARMS_CLOSE):
                     break
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
             change = (change + _step(jacobian, residual)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)
         motion, _ = draft.planted(features)
         return draft.delivered(motion, found + self._travelled(change - decoded), constraints)
-
-    def _near(self, rows: _Rows, pose: WindowPose) -> bool:
-        """Whether elbows and hands are so near to their places that the arms alone bring them there."""
-        values = pose.values(self._constraints, rotations=False)[rows.frames, rows.columns]
-        return float(np.abs(rows.asked - values).max()) * pose.body.leg < ARMS_CLOSE
 
     def _linear(
         self, rows: _Rows, changes: WindowChange, pose: WindowPose, window: Motion | None, anchor: Anchor

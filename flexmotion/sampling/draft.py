@@ -86,6 +86,10 @@ class Draft:
         """Heel and toe of both feet in the last known frame, in the frame of the window, (1, 2, 2, 3) [m]."""
         return WindowPose.of(self.history[len(self.history) - 1 :], self.anchor).feet
 
+    def sharing(self, motion: Motion, constraints: Constraints) -> Motion:
+        """A planted window with the ground forces, their places and the standing feet that are asked."""
+        return _with_forces(motion, constraints, self.anchor) if self.balanced else motion
+
     def delivered(self, motion: Motion, found: Float32, constraints: Constraints | None = None) -> Delivered:
         """A planted window as it is handed on.
 
@@ -104,7 +108,7 @@ class Draft:
             made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
         else:
             if constraints is not None:
-                motion = _with_forces(motion, constraints, self.anchor)
+                motion = self.sharing(motion, constraints)
             made = delivered(motion, self.history, self._accelerations(found), finish)
         return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
 

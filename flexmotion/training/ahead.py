@@ -70,7 +70,9 @@ class Ahead(Generic[Batch]):
     def close(self) -> None:
         """End the other processes; they begin anew where a batch is asked for."""
         ended, self._drawn = self._drawn, None
-        del ended  # its finaliser ends them
+        if ended is not None:
+            # Its finaliser does it too, but not while a traceback holds the iterator.
+            ended._shutdown_workers()  # type: ignore[attr-defined]
 
 
 class _Steps(Dataset[Batch]):

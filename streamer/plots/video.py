@@ -199,9 +199,9 @@ def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float)
     size = tuple(int(value) for value in figure.get_size_inches() * DOTS)
     # Written under another name, so that a film that was not finished is never taken for one.
     begun = path.with_name(f"{path.stem}.part{path.suffix}")
-    path.unlink(missing_ok=True)
     writer = imageio_ffmpeg.write_frames(str(begun), size, fps=FPS, codec="libx264", macro_block_size=2)
     try:
+        path.unlink(missing_ok=True)
         writer.send(None)
         with styled():
             for number in range(max(1, round(seconds * FPS))):
@@ -217,11 +217,11 @@ def write_video(path: Path, panels: Sequence[tuple[str, Scene]], seconds: float)
                 canvas.draw()
                 writer.send(np.asarray(canvas.buffer_rgba())[..., :3].tobytes())
         writer.close()
-        if not begun.stat().st_size:
-            raise FilmError(f"{path}: cannot be written: the encoder wrote nothing")
+        imageio_ffmpeg.count_frames_and_secs(str(begun))  # fails where its end was not written
         begun.replace(path)
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be written: {error}") from error
+    except (OSError, RuntimeError) as error:
+        problem = str(error).strip().splitlines()[-1:]
+        raise FilmError(f"{path}: cannot be written: {''.join(problem)}") from error
     finally:
         writer.close()
         begun.unlink(missing_ok=True)

@@ -13,11 +13,13 @@ from flexmotion.biomechanics.muscle_arms import MuscleArms
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor
+from flexmotion.features.layout import POINTS
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.sampling.window_pose import WindowPose
 
 Sampled = Callable[[Constraints | None], Motion]
 
@@ -114,6 +116,51 @@ def test_a_torque_stays_below_its_limit(balanced: Sampler, past: Motion, nothing
         assert found.torques is not None
         kept += [(np.abs(one.torques[:, knee]) <= limit).mean() for one in (plain, found)]
     assert kept[1] / 5 > 0.87 > kept[0] / 5
+
+
+def test_a_torque_limit_beside_a_hand_leaves_the_hand_its_correction(
+    balanced: Sampler, past: Motion, nothing: Constraints
+) -> None:
+    """Arms were closed before what a hand lacks was seen: the latent was not moved, and they alone could not reach."""
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    asked = nothing
+    for frame in range(5, balanced.future):
+        asked = asked.place("hand_r", frame, hands(plain, past)[frame] + [-0.25, -0.2, 0.3])
+    limited = asked.torque_limit("elbow_flexion_l", slice(None), 500.0)
+    errors = []
+    for one in (asked, limited):
+        found = hands(balanced.sample(past, Condition("walk forward", constraints=one), 5), past)
+        errors.append(np.linalg.norm(found - hands(plain, past) - [-0.25, -0.2, 0.3], axis=1)[5:].mean())
+    assert errors[1] < errors[0] + 0.01
+
+
+def test_each_correction_that_is_asked_for_is_made(balanced: Sampler, past: Motion, nothing: Constraints) -> None:
+    """Three were one: they ended once the hand was near, with the decoder's forces of the window before."""
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    asked, found = nothing, []
+    for frame in range(5, balanced.future):
+        asked = asked.place("hand_r", frame, hands(plain, past)[frame] + [0.3, 0.0, 0.0])
+    try:
+        for balanced.corrections in (1, 3):
+            found.append(balanced.sample(past, Condition("walk forward", constraints=asked), 5))
+    finally:
+        balanced.corrections = 1
+    assert np.abs(found[0].joints - found[1].joints).max() > 0.01
+
+
+def test_an_elbow_is_never_left_to_its_arm_alone(balanced: Sampler, past: Motion, nothing: Constraints) -> None:
+    """It moves on a sphere about the shoulder: 4 cm outwards were not made up for at all."""
+    plain = balanced.sample(past, Condition("walk forward"), 5)
+    pose = WindowPose.of(plain, Anchor.after(past))
+    shoulder, elbow = (pose.points[:, POINTS.index(f"{name}_r")] for name in ("shoulder", "elbow"))
+    away = 0.04 * (elbow - shoulder) / np.linalg.norm(elbow - shoulder, axis=1, keepdims=True)
+    asked = nothing
+    for frame in (20, 21, 22):
+        asked = asked.place("elbow_r", frame, elbow[frame] + away[frame])
+    found = WindowPose.of(
+        balanced.sample(past, Condition("walk forward", constraints=asked), 5), Anchor.after(past)
+    ).points[20:23, POINTS.index("elbow_r")]
+    assert np.linalg.norm(found - elbow[20:23] - away[20:23], axis=1).max() < 0.03
 
 
 def test_what_a_sampler_cannot_follow_is_refused(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
