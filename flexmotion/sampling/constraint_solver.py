@@ -50,7 +50,7 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take about 1.5 times, others 1.7 to 2.7 times one
+"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 2.5 times one
 without constraints. With one, forces and contacts that the decoder predicts are those of the window before it is
 corrected."""
 
