@@ -56,7 +56,7 @@ corrected."""
 
 ARMS_CLOSE = 0.12
 """Distance over which arms bring hands in reach to their places without a correction of the latent [m]. Behind a
-branch a hand is 1.38 cm off with it, 1.27 with .05 m, in 1.57 and 1.67 times a sample (30 held-out clips)."""
+branch a hand is 1.2 cm off with it and with .05 m, in 1.6 and 1.7 times a sample (30 held-out clips)."""
 
 DAMPING, FAR = 1.0, 0.1
 """Damping of a step near the solution, and what the mean square of the residuals adds to it (Fan and Yuan, Computing
