@@ -17,6 +17,8 @@ class Condition:
             velocity ("step to the left") stand for that velocity unless another is given.
         velocity: of the root in its own heading: forward, left [m/s], turning left [rad/s]; None for none. A velocity
             without words that is nearly zero means standing still.
+        wordless: whether nothing is said of what to do, in words or manner: the history goes on, at the velocity, which
+            is asked as it is. `text` and `manner` do not count then.
         manner: in which to do it; None for the one that the words say, which is the normal one where they say none.
         guidance: scale of classifier-free guidance; None for the bundle's default.
         manner_guidance: likewise, of the manner against any manner.
@@ -30,6 +32,7 @@ class Condition:
 
     text: str | None = None
     velocity: tuple[float, float, float] | None = None
+    wordless: bool = False
     manner: str | None = None
     guidance: float | None = None
     manner_guidance: float | None = None

@@ -270,7 +270,7 @@ class Sampler:
 
     def meant(self, condition: Condition) -> Condition:
         """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""
-        if not self.follows_velocity:
+        if not self.follows_velocity or condition.wordless:
             return condition
         if condition.text is not None and condition.manner is None:
             said = self.prompt(condition.text).manner
@@ -326,12 +326,16 @@ class Sampler:
         return hypot(forward, left) < SPOT and abs(turning) >= STILL
 
     def _stands(self, condition: Condition) -> bool:
-        return condition.velocity is None and self.prompt(condition.text).kind == STAND
+        return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
 
     def _set_request(self, condition: Condition, remembered: Float32) -> None:
         """Write the request to the inputs: the first row has it, the second is the one without for guidance."""
         inputs, corrections = self._inputs, self._corrections
         inputs["present"][:] = 0.0
+        if condition.wordless:
+            if condition.velocity is not None and self.bundle.manifest.velocity:
+                self._set_velocity(condition.velocity)
+            return
         if condition.velocity is not None and self.bundle.manifest.velocity:
             ahead, aside, turning = condition.asked or condition.velocity
             more = self._catch_up(condition.velocity, remembered)

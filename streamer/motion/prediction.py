@@ -25,6 +25,8 @@ SPEED_S = 0.1
 """Time over which the speed is measured that is held [s]."""
 PACE_S = 1.0 / 3.0
 """Time over which the velocity is measured that the model is asked for [s]."""
+WALKS = 0.3
+"""Who goes faster than this is taken to walk, and the model is told so [m/s]."""
 GUIDANCE = 1.0
 """Of the model: the request as it is, not amplified (docs/decisions.md)."""
 
@@ -89,7 +91,10 @@ class ModelPrediction:
         sampler = self._sampler
         scale = sampler.body.leg / history.body.leg
         known = replace(history, body=sampler.body, root_position=scale * history.root_position)
-        request = Condition(velocity=_velocity(known), guidance=GUIDANCE, noise=0.0)
+        velocity = _velocity(known)
+        # Words of walking, or of standing, would lower an arm that the person raises.
+        wordless = float(np.hypot(*velocity[:2])) < WALKS
+        request = Condition(velocity=velocity, wordless=wordless, guidance=GUIDANCE, noise=0.0)
         features = sampler.features(known, request, seed=0)
         window = planted(decode(features, sampler.layout, sampler.body, Anchor.after(known)), known)
         found = replace(
