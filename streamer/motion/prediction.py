@@ -26,7 +26,7 @@ SPEED_S = 0.1
 PACE_S = 1.0 / 3.0
 """Time over which the velocity is measured that the model is asked for [s]."""
 WALKS = 0.3
-"""Who goes faster than this is taken to walk, and the model is told so [m/s]."""
+"""From this speed on a person walks, and the model gets the words of walking [m/s]."""
 GUIDANCE = 1.0
 """Of the model: the request as it is, not amplified (docs/decisions.md)."""
 

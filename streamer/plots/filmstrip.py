@@ -40,8 +40,7 @@ def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None)
     )
     axes = figure.subplots()
     axes.set_axis_off()
-    base = np.where(np.isfinite(record.true_base), record.true_base, record.base_ref)[: record.used]
-    ticks = moments(record, np.isfinite(np.concatenate([base, record.q[: record.used]], axis=1)).all(axis=1))
+    base, ticks = shown_base(record), moments(record, known_poses(record))
     if not len(ticks):
         empty(axes, "no tick has a known pose")
         return figure
@@ -65,6 +64,18 @@ def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None)
     axes.set(xlim=(-0.55 * height, (len(ticks) * _SPACING - 0.32) * height), ylim=(-0.3 * height, top * height))
     axes.set_aspect("equal")
     return figure
+
+
+def shown_base(record: RunTrace) -> Float:
+    """Pose of the base, by the simulation's truth, else as planned, (ticks, 7)."""
+    found: Float = np.where(np.isfinite(record.true_base), record.true_base, record.base_ref)[: record.used]
+    return found
+
+
+def known_poses(record: RunTrace) -> NDArray[np.bool_]:
+    """Ticks of a run with a known pose, (ticks,)."""
+    whole = np.concatenate([shown_base(record), record.q[: record.used]], axis=1)
+    return np.asarray(np.isfinite(whole).all(axis=1))
 
 
 def moments(record: RunTrace, known: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.filmstrip import limbs, standing_height
+from flexmotion.streamer.plots.filmstrip import known_poses, limbs, shown_base, standing_height
 from flexmotion.streamer.plots.palette import FAINT, MUTED, WARN
 from flexmotion.streamer.plots.solid import Camera, draw_solid, shapes
 from flexmotion.streamer.plots.style import styled
@@ -106,7 +106,7 @@ class RobotScene:
         if not valid.any():
             raise ValueError("no tick of the run has a known pose")
         self._time = record.time_s[: record.used][valid] - begin_s
-        self._base, self._joints = _base(record)[valid], record.q[: record.used][valid]
+        self._base, self._joints = shown_base(record)[valid], record.q[: record.used][valid]
         self._robot, self._hulls = robot, shapes(robot.model)
         self._data = mujoco.MjData(robot.model)
         self._height = standing_height(robot)
@@ -127,18 +127,6 @@ class RobotScene:
         for collection in draw_solid(self._robot.model, self._data, self._hulls, camera, np.zeros(2)):
             axes.add_collection(collection)
         return centre
-
-
-def known_poses(record: RunTrace) -> NDArray[np.bool_]:
-    """Ticks of a run with a known pose, (ticks,)."""
-    whole = np.concatenate([_base(record), record.q[: record.used]], axis=1)
-    return np.asarray(np.isfinite(whole).all(axis=1))
-
-
-def _base(record: RunTrace) -> Float:
-    """Pose of the base, by the simulation's truth, else as planned, (ticks, 7)."""
-    found: Float = np.where(np.isfinite(record.true_base), record.true_base, record.base_ref)[: record.used]
-    return found
 
 
 def source_clock(record: RunTrace, begin_s: float) -> Callable[[float], float]:

@@ -251,7 +251,7 @@ def test_stages_that_a_release_lacks_are_found_in_the_files_of_the_same_training
 
 
 def test_an_evaluator_is_found_beside_a_release_of_the_same_words(trained: Run, stages: Any, tmp_path: Path) -> None:
-    """The repository's weights had none, so that nobody could evaluate with them."""
+    """`evaluate` did not work with the repository's weights: they had no evaluator."""
     run = Run(Path(copytree(trained.folder, tmp_path / "trained")))
     encode = SentenceEncoder(run.stage("text"))
     stages.train(run, "evaluator", EvaluatorTask(run.config, run.store(), encode, run.seed, Processes()))
