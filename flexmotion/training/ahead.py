@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Generic, TypeVar
 
 import torch
@@ -60,7 +61,7 @@ class Ahead(Generic[Batch]):
                     num_workers=self._workers,
                     prefetch_factor=1,
                     collate_fn=_as_drawn,
-                    worker_init_fn=_end_with_the_parent,
+                    worker_init_fn=partial(_end_with, os.getpid()),
                     multiprocessing_context="fork",
                 )
             )
@@ -89,7 +90,9 @@ def _as_drawn(batch: Batch) -> Batch:
     return batch
 
 
-def _end_with_the_parent(worker: int) -> None:
+def _end_with(parent: int, worker: int) -> None:
     """End when the parent is killed: a batch that waits in a full pipe would keep the process alive."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # killed before the line above, which tells of a later end only
+        os._exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from flexmotion.training.ahead import Ahead  # noqa: E402
+from flexmotion.training.ahead import Ahead, _end_with  # noqa: E402
 
 from ...waiting import wait_until  # noqa: E402
 
@@ -91,3 +92,16 @@ def test_a_killed_training_leaves_no_process() -> None:
         assert len(workers) >= 2
         training.kill()
     wait_until(lambda: not any(map(alive, workers)), "the drawing processes to end")
+
+
+def test_a_training_that_was_killed_while_its_processes_began_leaves_none() -> None:
+    """A process that began after its training was killed asked too late to be told, and waited in a full pipe."""
+    parent = os.getpid()
+    begun = multiprocessing.get_context("fork").Process(target=_end_with, args=(parent, 0))
+    begun.start()
+    begun.join()
+    assert begun.exitcode == 0
+    orphan = multiprocessing.get_context("fork").Process(target=_end_with, args=(psutil.Process(parent).ppid(), 0))
+    orphan.start()
+    orphan.join()
+    assert orphan.exitcode == 1
