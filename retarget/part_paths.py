@@ -29,8 +29,9 @@ _SETTLE_S = 0.4
 """Time that the filter has after that until it is there: eight of its time constants [s]."""
 _SHARE = 0.9
 """Share of the filter's bounds on speed and acceleration that a path uses: the rest is left to `ArmGuard`."""
-_LONGER = 1.05
-"""Ratio of the times that are tried, one after the other, for a path that would be too fast."""
+_LONGER, _HALVINGS = 1.05, 3
+"""Ratio of the times that are tried, one after the other, for a path that would be too fast; and how often the last
+step is halved: 5 % of a second are 3 cm of a fast hand."""
 _SHORTEST_S = 0.08
 """Shortest path [s]."""
 _RISES = np.linspace(0.5, 0.2, 7)
@@ -190,12 +191,18 @@ class PartPaths:
         self, channels: NDArray[np.int64], begin: Float, speed: Float, goal: Float, asked: float, bound: Float
     ) -> float:
         """Ticks of a path: as asked, or the least within the bounds; `bound`: of its acceleration, (K,) [rad/s²]."""
-        ticks = max(asked, _SHORTEST_S * self._rate)
-        while True:
+
+        def fits(ticks: float) -> bool:
             seconds = ticks / self._rate
-            if self._rises(channels, goal - begin, speed * seconds, seconds, bound)[1].all():
-                return ticks
-            ticks *= _LONGER
+            return bool(self._rises(channels, goal - begin, speed * seconds, seconds, bound)[1].all())
+
+        ticks = short = max(asked, _SHORTEST_S * self._rate)
+        while not fits(ticks):
+            short, ticks = ticks, _LONGER * ticks
+        for _ in range(_HALVINGS if ticks > short else 0):
+            middle = 0.5 * (short + ticks)
+            short, ticks = (short, middle) if fits(middle) else (middle, ticks)
+        return ticks
 
     def _rises(
         self, channels: NDArray[np.int64], way: Float, speed: Float, seconds: float, acceleration: Float | None = None

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.model import DiffusionConfig, Window
 from flexmotion.features.layout import Layout
+from flexmotion.sampling.ddim import denoised
 from flexmotion.sampling.guidance import guided
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.training.denoiser import Denoiser
@@ -130,16 +131,14 @@ class RawSampler(Sampler):
             for name in ("history", "sentence", "velocity", "manner")
         )
         noisy = np.random.default_rng(seed).standard_normal((1, self.future * self.layout.size), np.float32)
-        times = np.round(np.linspace(self.bundle.manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
-        for now, earlier in zip(times, [*times[1:], -1], strict=True):
+
+        def estimate(noisy: Float32, time: int) -> Float32:
             with torch.no_grad():
-                rows, when = torch.from_numpy(np.repeat(noisy, 3, axis=0)), torch.full((3,), int(now))
+                rows, when = torch.from_numpy(np.repeat(noisy, 3, axis=0)), torch.full((3,), time)
                 found = network(rows, when, history, sentence, velocity, manner, torch.from_numpy(present))
-            clean = guided(found.numpy(), *self._scales)
-            kept, left = self._kept[now], self._kept[earlier] if earlier >= 0 else np.float32(1.0)
-            noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
-            noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
-        return noisy
+            return guided(found.numpy(), *self._scales)
+
+        return denoised(noisy, self._kept, self.steps, estimate)
 
     def _frames(self, latent: Float32) -> Float32:
         spread, mean = self._network.latent_spread.numpy(), self._network.latent_mean.numpy()

@@ -22,6 +22,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.constraint_solver import CORRECTIONS, ConstraintSolver, check
+from flexmotion.sampling.ddim import denoised
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
@@ -232,7 +233,7 @@ class Sampler:
         return features.astype(np.float32)
 
     def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
-        """DDIM from noise to a normalised latent, (1, L)."""
+        """A normalised latent, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = self._statistics.normalise(remembered)
         scale = manifest.guidance if condition.guidance is None else condition.guidance
@@ -243,16 +244,12 @@ class Sampler:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
         noisy *= self._noise(condition)
-        times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
-        for now, earlier in zip(times, [*times[1:], -1], strict=True):
-            inputs["noisy"][:] = noisy
-            inputs["time"][:] = now
-            clean = self._estimate(condition, scale, manner_scale)
-            kept = self._kept[now]
-            left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
-            noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
-            noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
-        return noisy
+
+        def estimate(noisy: Float32, time: int) -> Float32:
+            inputs["noisy"][:], inputs["time"][:] = noisy, time
+            return self._estimate(condition, scale, manner_scale)
+
+        return denoised(noisy, self._kept, self.steps, estimate)
 
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
