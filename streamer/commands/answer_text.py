@@ -11,12 +11,19 @@ from flexmotion.streamer.motion.intents import from_content, words_of
 
 if TYPE_CHECKING:
     from flexmotion.streamer.gateway.connection import StopAnswer
-    from flexmotion.streamer.gateway.messages import Answer
+    from flexmotion.streamer.gateway.messages import Answer, Ended
 
 _NAME = 18
 _STOPS = {
     "stop": "the robot comes to a stand, and refuses targets until: flexmotion clear",
     "estop": "the robot stops, parks, and its torque goes off; then: flexmotion clear, flexmotion arm",
+}
+_ENDS = {
+    "done": "done",
+    "time limit": "not done within its time limit",
+    "expired": "its time is over",
+    "superseded": "replaced by another target",
+    "stopped": "stopped",
 }
 _SURE = 0.995
 _IDLE = {
@@ -54,6 +61,11 @@ def answer_line(answer: Answer) -> str:
     if answer.reason is not None and answer.state != "refused":
         parts.append(answer.reason)
     return f"{answer.state}: {'; '.join(parts)}" if parts else answer.state
+
+
+def ended_line(ended: Ended) -> str:
+    """The end of a target in one line."""
+    return f"{_ENDS[ended.end]}: {ended.done}" if ended.done is not None else _ENDS[ended.end]
 
 
 def stop_line(what: str, answer: StopAnswer) -> str:

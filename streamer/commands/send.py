@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
+from flexmotion.streamer.commands.answer_text import answer_line, ended_line, status_lines, stop_line
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -95,11 +95,14 @@ def send(
         float | None,
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
     ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until it has ended: done, replaced, stopped, its time over.")
+    ] = False,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
     part: PartOptions,
     run: RunAddress,
 ) -> None:
-    """Send a target to a run and print what it heard; exit code 1 where it is not done.
+    """Send a target to a run and print what it heard; exit code 1 where it is not done, with --wait not to its end.
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
     robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
@@ -112,6 +115,8 @@ def send(
       flexmotion send "wave with the right hand"
 
       flexmotion send --velocity .3 0 0 --for 4
+
+      flexmotion send "walk two metres then wave" --wait
 
       flexmotion send --heading 90
 
@@ -178,7 +183,16 @@ def send(
         if take:
             client.take()
         answer = client.ask({**message, "ttl_s": seconds})
-    _present(answer, run.as_json)
+        _present(answer, run.as_json)
+        ended = client.wait(answer) if wait else None
+    if ended is None:
+        return
+    if run.as_json:
+        print_json(ended.model_dump_json(exclude_none=True, indent=2))
+    else:
+        print_result(ended_line(ended))
+    if ended.end not in ("done", "expired"):
+        raise typer.Exit(CHECK_FAILED)
 
 
 @grouped

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from flexmotion.streamer.gateway.messages import Answer, Message, StopMessage, TextMessage
+from flexmotion.streamer.gateway.messages import Answer, Ended, Message, StopMessage, TargetEnd, TextMessage
 from flexmotion.streamer.motion.heard import HeardStep
 from flexmotion.streamer.motion.intents import Intent
 from flexmotion.text.alarm import is_alarm
 
 Reply = Callable[[Answer], None]
+OnEnd = Callable[[Ended], None]
 
 WHOLE_BODY = "whole body"
 """The part of targets that are none for a part."""
@@ -32,6 +33,8 @@ class Asked:
     message: Message
     reply: Reply
     since_s: float
+    on_end: OnEnd | None = None
+    """Takes the end of a target; None: its sender is not told."""
     took_from: str | None = None
     due_s: float = math.inf
     """When the gateway answers by itself [s]."""
@@ -45,10 +48,10 @@ class Asked:
     """Fields of the answer that are known before."""
 
 
-def asked_of(message: Message, reply: Reply, since_s: float) -> Asked:
+def asked_of(message: Message, reply: Reply, since_s: float, on_end: OnEnd | None = None) -> Asked:
     """A message that has arrived; words of alarm are a STOP, which needs no lease and no order of arrival."""
     if not (isinstance(message, TextMessage) and is_alarm(message.text)):
-        return Asked(message, reply, since_s)
+        return Asked(message, reply, since_s, on_end)
     stop = StopMessage(id=message.id, source=message.source, sequence=message.sequence)
     known = {"asked": message.type, "heard_as": "stop", "notes": (TYPED_STOP,)}
     return Asked(stop, reply, since_s, known=known)
@@ -64,7 +67,9 @@ class Following:
         answer: as its sender got it.
         stamp_s: when it was accepted, on the gateway's clock [s].
         holds_s: it is over after this time [s].
+        on_end: takes its end.
         last: its last step, in the newest version of the planner's answer; None: it has no steps.
+        end: how it has ended; None: it goes on, or has no end.
     """
 
     source: str
@@ -72,7 +77,19 @@ class Following:
     answer: Answer
     stamp_s: float
     holds_s: float = math.inf
+    on_end: OnEnd | None = None
     last: HeardStep | None = None
+    end: TargetEnd | None = None
+
+    def ended(self, end: TargetEnd) -> Following:
+        """The same at its end, of which its sender is told once."""
+        if self.end is not None:
+            return self
+        if self.on_end is not None and self.answer.target is not None:
+            done = None if self.last is None or self.last.end is None else self.last.done
+            answer = self.answer
+            self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))
+        return replace(self, end=end)
 
 
 class Sequences:

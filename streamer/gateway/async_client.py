@@ -13,9 +13,11 @@ from websockets.exceptions import WebSocketException
 
 from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
+    Ends,
     Messages,
     StopAnswer,
     answer_in,
+    awaited,
     clear_content,
     heading_content,
     kill_content,
@@ -25,7 +27,7 @@ from flexmotion.streamer.gateway.connection import (
     velocity_content,
     waypoint_content,
 )
-from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.messages import Answer, Ended
 from flexmotion.streamer.motion.part_values import Side
 from flexmotion.streamer.motion.restriction_intents import Foot, Limb
 
@@ -42,6 +44,7 @@ class AsyncClient(Messages):
 
     async def __aenter__(self) -> Self:
         self._waiting: dict[str, asyncio.Future[Answer]] = {}
+        self._ended, self._news, self._gone = Ends(), asyncio.Condition(), False
         self._failed: GatewayError | None = None
         self._open = AsyncExitStack()
         try:
@@ -206,6 +209,19 @@ class AsyncClient(Messages):
         finally:
             self._waiting.pop(identity, None)
 
+    async def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
+        """Wait for the end of a target for the whole body; see `Client.wait`."""
+        target = awaited(answer)
+        try:
+            async with asyncio.timeout(patience_s), self._news:
+                while (ended := self._ended.of(target)) is None:
+                    if self._gone:
+                        raise self.failed(ConnectionResetError("the run closed the connection"))
+                    await self._news.wait()
+        except TimeoutError:
+            raise GatewayError(f"target {target} has not ended within {patience_s:g} s") from None
+        return ended
+
     async def closed(self) -> None:
         """Come back when the run has closed the connection."""
         await asyncio.shield(self._reading)
@@ -220,12 +236,20 @@ class AsyncClient(Messages):
                     self._failed = GatewayError(f"{self.host}:{self.port}: the run sent what is no answer: {error}")
                     await self._socket.close()
                     break
+                if isinstance(answer, Ended):
+                    async with self._news:
+                        self._ended.add(answer)
+                        self._news.notify_all()
+                    continue
                 waiting = None if answer is None or answer.id is None else self._waiting.get(answer.id)
                 if waiting is not None and not waiting.done():
                     assert answer is not None
                     waiting.set_result(answer)
         except WebSocketException:
             pass  # those that wait are told below
+        async with self._news:
+            self._gone = True
+            self._news.notify_all()
         for waiting in self._waiting.values():
             if not waiting.done():
                 waiting.set_exception(self._failed or ConnectionResetError("the run closed the connection"))

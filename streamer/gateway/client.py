@@ -12,6 +12,7 @@ with fm.Client() as robot:
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from types import TracebackType
@@ -20,10 +21,13 @@ from typing import Any, Self
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
+from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
+    Ends,
     Messages,
     StopAnswer,
     answer_in,
+    awaited,
     clear_content,
     heading_content,
     kill_content,
@@ -33,7 +37,7 @@ from flexmotion.streamer.gateway.connection import (
     velocity_content,
     waypoint_content,
 )
-from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.messages import Answer, Ended
 from flexmotion.streamer.motion.part_values import Side
 from flexmotion.streamer.motion.restriction_intents import Foot, Limb
 
@@ -48,6 +52,7 @@ class Client(Messages):
 
     _socket: Any = None
     _open: ExitStack
+    _ended: Ends
 
     def __enter__(self) -> Self:
         self._connect()
@@ -203,15 +208,46 @@ class Client(Messages):
             self._socket.send(text)
             while True:
                 answer = answer_in(self._socket.recv(patience_of(message)))
-                if answer is not None and answer.id == identity:
+                if isinstance(answer, Ended):
+                    self._ended.add(answer)
+                elif answer is not None and answer.id == identity:
                     return answer
         except (OSError, WebSocketException, ValueError) as error:
             self.close()
             raise self.failed(error) from error
 
+    def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
+        """Wait for the end of a target for the whole body: words, a velocity, a heading, a waypoint, a clip.
+
+        Args:
+            answer: to it, on this connection.
+            patience_s: greatest time [s]; None: as long as it takes. Words without an amount end with the next target.
+
+        Raises:
+            GatewayError: the target is not followed, or is for a part of the body; its end did not come in time; the
+                connection was closed.
+        """
+        target = awaited(answer)
+        due_s = None if patience_s is None else time.monotonic() + patience_s
+        try:
+            while (ended := self._ended.of(target)) is None:
+                left_s = None if due_s is None else max(due_s - time.monotonic(), 0.0)
+                if self._socket is None:
+                    raise ConnectionResetError("the connection on which it was asked for is closed")
+                found = answer_in(self._socket.recv(left_s))
+                if isinstance(found, Ended):
+                    self._ended.add(found)
+        except TimeoutError:
+            raise GatewayError(f"target {target} has not ended within {patience_s:g} s") from None
+        except (OSError, WebSocketException, ValueError) as error:
+            self.close()
+            raise self.failed(error) from error
+        return ended
+
     def _connect(self) -> None:
         if self._socket is not None:
             return
+        self._ended = Ends()
         self._open = ExitStack()
         try:
             self._socket = self._open.enter_context(connect(self.url, **self.options))

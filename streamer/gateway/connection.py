@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import uuid
+from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
@@ -18,12 +19,14 @@ from websockets.exceptions import InvalidStatus
 from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
-from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, MessageError, decode, encode
+from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, Ended, MessageError, decode, encode
 from flexmotion.streamer.gateway.stop_path import SOURCE_HEADER, STOPS
 
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
 """Longest wait for an answer [s]; a run answers within its `take_up_s`."""
+_ENDS = 256
+"""Ends of targets that a client keeps for who asks for them later."""
 _LOOK_UP_S = 2.0
 """Longest wait for the port for stops [s]: somebody wants the robot to stop."""
 
@@ -234,8 +237,38 @@ def kill_content(confirm: str) -> dict[str, Any]:
     return {"type": "kill", "confirm": confirm}
 
 
-def answer_in(frame: str | bytes) -> Answer | None:
-    """The answer in a frame; None where it holds something else, such as the status.
+class Ends:
+    """The newest ends of targets that a run has told, by number."""
+
+    def __init__(self) -> None:
+        self._told: OrderedDict[int, Ended] = OrderedDict()
+
+    def add(self, ended: Ended) -> None:
+        """Keep one; the oldest beyond `_ENDS` is forgotten."""
+        self._told[ended.target] = ended
+        while len(self._told) > _ENDS:
+            self._told.popitem(last=False)
+
+    def of(self, target: int) -> Ended | None:
+        """The end of a target; None: not told yet."""
+        return self._told.get(target)
+
+
+def awaited(answer: Answer) -> int:
+    """Number of the target whose end is waited for.
+
+    Raises:
+        GatewayError: the target is not followed, or it is for a part of the body, whose answer says when it is there.
+    """
+    if answer.target is None or answer.state not in ("accepted", "slowed", "partly"):
+        raise GatewayError(f"{answer.asked}: {answer.state}: {answer.reason or 'it is no target'}: it has no end")
+    if answer.part is not None:
+        raise GatewayError(f"{answer.asked}: {answer.part}: the answer says when it is there; it is held until let go")
+    return answer.target
+
+
+def answer_in(frame: str | bytes) -> Answer | Ended | None:
+    """The answer, or the end of a target, in a frame; None where it holds something else, such as the status.
 
     Raises:
         ValueError: it is no JSON object, or no answer.
@@ -243,4 +276,6 @@ def answer_in(frame: str | bytes) -> Answer | None:
     content = json.loads(frame)
     if not isinstance(content, dict):
         raise ValueError(f"{frame[:80]!r}: expected a JSON object")
+    if content.get("type") == "ended":
+        return Ended.model_validate(content)
     return Answer.model_validate(content) if content.get("type") == "answer" else None

@@ -18,7 +18,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, Reply, Sequences, asked_of
+from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, OnEnd, Reply, Sequences, asked_of
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
@@ -36,6 +36,7 @@ from flexmotion.streamer.gateway.messages import (
     ReleaseMessage,
     StopMessage,
     TakeMessage,
+    TargetEnd,
     VelocityMessage,
     decode,
     intent_of,
@@ -121,13 +122,14 @@ class Desk:
         """Whether a message waits for its answer."""
         return bool(self._waiting or self._open or self._asked)
 
-    def receive(self, data: bytes, reply: Reply, sender: Hashable = None) -> None:
+    def receive(self, data: bytes, reply: Reply, sender: Hashable = None, on_end: OnEnd | None = None) -> None:
         """Take a message; `reply` is called once with its answer, now or from `pump`.
 
         Args:
             data: JSON, one message.
             reply: takes the answer; must not raise.
             sender: connection that it came by, until `forget`; sequence numbers ascend within one.
+            on_end: is called once with the end of a target for the whole body that was followed; must not raise.
         """
         self.counts["received"] += 1
         if len(data) > self.settings.most_bytes:
@@ -141,7 +143,7 @@ class Desk:
             self.reject("not valid")
             reply(self._counted(error.answer))
             return
-        self._take(asked_of(message, reply, time.perf_counter()), sender)
+        self._take(asked_of(message, reply, time.perf_counter(), on_end), sender)
 
     def forget(self, sender: Hashable) -> None:
         """A connection is closed: the next one of this name counts its messages anew."""
@@ -164,6 +166,8 @@ class Desk:
         for event in new:
             self.cause.take(event)
         self._match(new, None if row is None else TickRow(row))
+        if self.following is not None and now - self.following.stamp_s > self.following.holds_s:
+            self.following = self.following.ended("expired")
         self._time_out(now)
         self.lease.lapse(now)
         self._tell_lease()
@@ -278,13 +282,17 @@ class Desk:
         asked = self._open.pop(heard.id, None)
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
-                self.following = replace(self.following, last=heard.steps[-1] if heard.steps else None)
+                last = heard.steps[-1] if heard.steps else None
+                self.following = replace(self.following, last=last)
+                if last is not None and last.end is not None:
+                    self.following = self.following.ended(last.end)
             return
         told = self._reply(
             asked,
             heard.state,
             heard.reason,
             target=heard.id,
+            part=None if part == WHOLE_BODY else part,
             tick=heard.tick,
             heard_as=heard.heard_as,
             certainty=None if heard.certainty is None else round(heard.certainty, 3),
@@ -297,9 +305,16 @@ class Desk:
             return
         if told.state in _FOLLOWED and asked.intent is not None:
             content = to_content(asked.intent)
-            self.following = Following(asked.message.source, content, told, time.perf_counter(), asked.holds_s)
+            source, now = asked.message.source, time.perf_counter()
+            self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end), "superseded")
         elif told.state == "refused" and told.tick is not None:
-            self.following = None  # it stands still
+            self._follow(None, "superseded")  # it stands still
+
+    def _follow(self, following: Following | None, end: TargetEnd) -> None:
+        """Another target is followed, or none, which ends the last one."""
+        if self.following is not None:
+            self.following.ended(end)
+        self.following = following
 
     def _match(self, new: list[Event], row: TickRow | None) -> None:
         """Reply to the requests that the loop has taken; to most of them once their effect is known.
@@ -324,7 +339,7 @@ class Desk:
                     else:
                         self._reply(asked, "accepted", tick=event.tick)
         if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
-            self.following = None
+            self._follow(None, "stopped")
         for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)

@@ -1,8 +1,8 @@
-"""The messages between a program and a run: what may be asked, and the answer that each message gets.
+"""The messages between a program and a run: what may be asked, the answer that each message gets, and how it ended.
 
 JSON objects, one a message. `docs/messages.schema.json` is their JSON Schema (`python -m
 flexmotion.streamer.gateway.schema`). Every message gets one `Answer`. SI units, radians; a field that is not known is
-refused, and so is a version other than `VERSION`.
+refused, and so is a version other than `VERSION`. `Ended` follows where the sender stays connected.
 """
 
 from __future__ import annotations
@@ -229,6 +229,8 @@ MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminat
 
 AnswerState = Literal["accepted", "slowed", "moved", "partly", "superseded", "expired", "refused"]
 
+TargetEnd = Literal["done", "time limit", "expired", "superseded", "stopped"]
+
 
 class Answer(BaseModel):
     """What became of one message; every message gets exactly one.
@@ -240,6 +242,7 @@ class Answer(BaseModel):
             nearest place in reach. partly: without what `dropped` names. superseded: a newer target came before a plan
             followed it. expired: its time was over before. refused: it is not done, for `reason`.
         target: number of the target in the log.
+        part: of the body, that a target is for; None: the whole body, or no target.
         tick: of the loop, from which on it acts.
         heard_as: kinds of motion that the words were taken for, in the order in which they are done.
         certainty: share of that kind in what the listener heard, in [0, 1].
@@ -261,6 +264,7 @@ class Answer(BaseModel):
     asked: str | None = None
     state: AnswerState
     target: int | None = None
+    part: str | None = None
     tick: int | None = None
     heard_as: str | None = None
     certainty: float | None = None
@@ -270,6 +274,28 @@ class Answer(BaseModel):
     notes: tuple[str, ...] | None = None
     reason: str | None = None
     took_lease_from: str | None = None
+
+
+class Ended(BaseModel):
+    """The end of a target for the whole body that was followed; sent once, to a sender that is still connected.
+
+    Attributes:
+        id, source: of its message; target: its number, as in its answer.
+        end: done: its amount was measured, or the robot has arrived. time limit: that took too long. expired: its time
+            to live is over. superseded: the robot follows another target, or stands for words that it does not
+            understand. stopped: by a stop, a fault, or torque off.
+        done: what the robot did, by its own odometry, in words.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    type: Literal["ended"] = "ended"
+    version: Literal[1] = VERSION
+    id: str | None = None
+    source: str | None = None
+    target: int
+    end: TargetEnd
+    done: str | None = None
 
 
 class MessageError(ConfigError):

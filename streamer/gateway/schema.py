@@ -12,16 +12,16 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from flexmotion.streamer.gateway.message_base import VERSION
-from flexmotion.streamer.gateway.messages import Answer, Message
+from flexmotion.streamer.gateway.messages import Answer, Ended, Message
 
 
 def schema_text() -> str:
-    """The schema of all messages and of their answer, as JSON text."""
-    schema = TypeAdapter(Message | Answer).json_schema()
+    """The schema of all messages, of their answer and of the end of a target, as JSON text."""
+    schema = TypeAdapter(Message | Answer | Ended).json_schema()
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"FlexMotion messages, version {VERSION}",
-        "description": "One JSON object a message: what a program asks a run, and the answer that each message gets.",
+        "description": "One JSON object a message: what a program asks a run, its answer, and how a target has ended.",
     }
     return json.dumps(head | schema, indent=2) + "\n"
 

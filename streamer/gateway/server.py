@@ -22,7 +22,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.desk import Desk
-from flexmotion.streamer.gateway.messages import GET_UP_S, KINDS, Answer, Message, encode
+from flexmotion.streamer.gateway.messages import GET_UP_S, KINDS, Answer, Ended, Message, encode
 from flexmotion.streamer.gateway.metrics import METRICS_TYPE
 from flexmotion.streamer.gateway.pages import FILES, Pages, add_pages
 from flexmotion.streamer.gateway.status import Status
@@ -99,7 +99,7 @@ class Connections:
         key = next(self._numbers)  # never one that another connection has had
         self._open[key] = queue
 
-        def reply(answer: Answer) -> None:
+        def reply(answer: Answer | Ended) -> None:
             if queue.full():
                 full.set()
             else:
@@ -133,14 +133,14 @@ class Connections:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _receive(self, socket: WebSocket, reply: Callable[[Answer], None], key: int) -> None:
+    async def _receive(self, socket: WebSocket, reply: Callable[[Answer | Ended], None], key: int) -> None:
         while True:
             event = await socket.receive()
             if event["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(event.get("code", 1006))
             text = event.get("text")
             data = event.get("bytes") if text is None else text.encode()
-            self.desk.receive(data or b"", reply, key)
+            self.desk.receive(data or b"", reply, key, reply)
             self.wake()
             # A socket that always has a message does not keep the loop from the others.
             await asyncio.sleep(0)

@@ -120,7 +120,6 @@ def status_of(
     followed = desk.following
     if followed is not None:
         answer, last = followed.answer, followed.last
-        over = time.perf_counter() - followed.stamp_s > followed.holds_s
         known["following"] = Followed(
             source=followed.source,
             asked=followed.asked,
@@ -128,7 +127,7 @@ def status_of(
             slowed=answer.slowed,
             target=answer.target,
             tick=answer.tick,
-            end=last.end if last is not None and last.end is not None else "expired" if over else None,
+            end=followed.end,
             place=None if last is None else last.place,
         )
     row = desk.row()

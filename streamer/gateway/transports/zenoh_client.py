@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.configs.errors import ConfigError, GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.client import Client
-from flexmotion.streamer.gateway.connection import PATIENCE_S, StopAnswer, answer_in, patience_of
-from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.connection import PATIENCE_S, StopAnswer, answer_in, awaited, patience_of
+from flexmotion.streamer.gateway.messages import Answer, Ended
 from flexmotion.streamer.gateway.proofs import Prover
 from flexmotion.streamer.gateway.transports.extras import need
 from flexmotion.streamer.gateway.transports.zenoh_link import robot_key
@@ -84,9 +84,14 @@ class ZenohClient(Client):
         _, text = self.message(message)
         content = self._get("gateway", f"targets/{self.source}", text.encode(), patience_of(message))
         answer = answer_in(json.dumps(content))
-        if answer is None:
+        if not isinstance(answer, Answer):
             raise GatewayError(f"{self._where}: the run sent what is no answer: {content}")
         return answer
+
+    def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
+        """Raises `GatewayError`: the end of a target is told over WebSocket alone; `status` has it."""
+        awaited(answer)
+        raise GatewayError(f"{self._where}: the end of a target is not told over zenoh: see status()['following']")
 
     @property
     def _where(self) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway import desk as desk_module
+from flexmotion.streamer.gateway.messages import Ended
 from flexmotion.streamer.gateway.status import status_of
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Heading, Stop, Text, Velocity, Waypoint
@@ -48,6 +49,62 @@ def test_a_target_reaches_the_planner_at_once_and_its_answer_the_sender(make_off
     (answer,) = office.told
     assert (answer.id, answer.state, answer.heard_as, answer.target) == ("w", "accepted", "wave-right-hand", target.id)
     assert office.desk.following is not None and office.desk.following.asked == {"text": "wave"}
+
+
+def told_ends(office: Any, text: str) -> tuple[int, list[Ended]]:
+    """Ask for a target that is accepted; its number, and the list into which its end comes."""
+    ends: list[Ended] = []
+    office.desk.receive(text.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    office.run.answer(number, heard="walk")
+    office.desk.pump()
+    return number, ends
+
+
+@pytest.mark.parametrize("how", ["done", "time limit"])
+def test_the_end_of_a_target_is_told_once_to_who_asked_for_it(make_office: Make, how: Any) -> None:
+    """A program learnt from the status alone that a target had ended, and not whether it was its own."""
+    office = make_office()
+    number, ends = told_ends(office, WAVE)
+    step = HeardStep(text="walk", amount=2.0, unit="length")
+    for last in (step, step.model_copy(update={"end": how, "measured": 1.98}), step):
+        office.run.heard.publish(Heard(id=number, asked="?", state="accepted", steps=(last,)))
+        office.desk.pump()
+        assert bool(ends) == (last is not step) or len(ends) == 1
+    (ended,) = ends
+    assert (ended.id, ended.target, ended.end, ended.done) == ("w", number, how, "1.98 m of 2 m")
+    assert told_ends(office, WALK)[1] == [] and ends == [ended], "a newer target does not end it again"
+
+
+def test_a_target_ends_by_the_next_one_by_its_time_and_by_a_stop(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    _, first = told_ends(office, WAVE)
+    _, second = told_ends(office, WALK)
+    assert [ended.end for ended in first] == ["superseded"]
+    clock.now += 0.6
+    office.desk.pump()
+    assert [ended.end for ended in second] == ["expired"]
+    _, third = told_ends(office, WAVE)
+    assert third == []
+    office.run.stopped = True
+    office.run.step()
+    office.desk.pump()
+    office.desk.pump()
+    assert [ended.end for ended in third] == ["stopped"] and len(second) == 1
+
+
+def test_a_target_that_is_not_followed_and_one_for_a_part_have_no_end(make_office: Make, clock: Clock) -> None:
+    office, ends = make_office(), []
+    for message in (WAVE, '{"type":"look","direction":[1,0,0],"ttl_s":2.0}'):
+        clock.now += 0.1
+        office.desk.receive(message.encode(), office.told.append, "a", ends.append)
+    words, look = office.run.arrived()
+    office.run.answer(words.id, "refused", "not understood")
+    office.run.answer(look.id)
+    office.desk.pump()
+    clock.now += 60.0
+    office.desk.pump()
+    assert ends == [] and [answer.part for answer in office.told] == [None, "head"]
 
 
 def test_a_velocity_holds_for_half_a_second_and_words_until_the_next_target(make_office: Make) -> None:
@@ -240,6 +297,7 @@ def test_a_velocity_that_is_not_sent_again_is_told_as_over(make_office: Make) ->
     office.run.step()
     office.desk.pump()
     time.sleep(0.002)
+    office.desk.pump()
     told = status_of(office.desk, "op3", "sim", 125.0, None).following
     assert told is not None and told.end == "expired"
 
