@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.human.concatenate import concatenate
+from flexmotion.human.floor import ground_under
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.planted import planted
@@ -26,8 +27,8 @@ SPEED_S = 0.1
 """Time over which the speed is measured that is held [s]."""
 PACE_S = 1.0 / 3.0
 """Time over which the velocity is measured that the model is asked for [s]."""
-GROUND_S = 1.0 / 3.0
-"""Time over which the lowest place of a person is the ground: most of a jump's flight [s] (docs/decisions.md)."""
+GROUND_S = 0.6
+"""History in which the ground is sought that a person stands on, or jumped from: longer than a person flies [s]."""
 WALKS = 0.3
 """From this speed on a person walks, and the model gets the words of walking [m/s]."""
 GUIDANCE = 1.0
@@ -95,7 +96,7 @@ class ModelPrediction:
         """See `Predictor`."""
         sampler = self._sampler
         scale = sampler.body.leg / history.body.leg
-        ground = np.array([0.0, 0.0, ground_of(history)])
+        ground = np.array([0.0, 0.0, ground_under(forward(history), history.fps)])
         known = replace(history, body=sampler.body, root_position=scale * (history.root_position - ground))
         velocity = _velocity(known)
         # Words of walking, or of standing, would lower an arm that the person raises.
@@ -112,16 +113,6 @@ class ModelPrediction:
         if frames > len(found):
             found = concatenate([found, self._after(found, frames - len(found))])
         return found[:frames]
-
-
-def ground_of(history: Motion) -> float:
-    """Height of the ground that a person is on [m]: the lowest place of feet, knees, hands and head.
-
-    Of the last `GROUND_S`, since who jumps comes down to the ground again.
-    """
-    human = forward(history[max(len(history) - 1 - round(GROUND_S * history.fps), 0) :])
-    touching = [human.heel, human.toe, human.knee, human.wrist, human.vertex[:, None]]
-    return float(np.concatenate(touching, axis=1)[..., 2].min())
 
 
 @dataclass(frozen=True)
