@@ -29,6 +29,8 @@ PACE_S = 1.0 / 3.0
 """Time over which the velocity is measured that the model is asked for [s]."""
 GROUND_S = 0.6
 """History in which the ground is sought that a person stands on, or jumped from: longer than a person flies [s]."""
+STEP_M = 0.08
+"""Ground that is less than this from z = 0 is the floor [m]: live poses put it up to .05 m off, steps are higher."""
 WALKS = 0.3
 """From this speed on a person walks, and the model gets the words of walking [m/s]."""
 GUIDANCE = 1.0
@@ -96,7 +98,8 @@ class ModelPrediction:
         """See `Predictor`."""
         sampler = self._sampler
         scale = sampler.body.leg / history.body.leg
-        ground = np.array([0.0, 0.0, ground_under(forward(history), history.fps)])
+        height = ground_under(forward(history), history.fps)
+        ground = np.array([0.0, 0.0, height if abs(height) >= STEP_M else 0.0])
         known = replace(history, body=sampler.body, root_position=scale * (history.root_position - ground))
         velocity = _velocity(known)
         # Words of walking, or of standing, would lower an arm that the person raises.
