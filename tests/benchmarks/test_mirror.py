@@ -79,5 +79,5 @@ def test_predictors_of_other_histories_are_compared_at_the_same_moments() -> Non
     short, long = HeldSpeed(clip.fps), HeldSpeed(clip.fps)
     long.remembers = 19
     errors = [foreseen_errors(clip, predictor, first=19) for predictor in (short, long)]
-    np.testing.assert_array_equal(*errors)
+    np.testing.assert_array_equal(errors[0], errors[1])
     assert len(errors[0]) and len(foreseen_errors(clip, short)) > len(errors[0])
