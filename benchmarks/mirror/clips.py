@@ -104,11 +104,18 @@ def points(motion: Motion) -> Float:
     return np.concatenate([*sided, human.vertex[:, None], human.pelvis_position[:, None]], axis=1)
 
 
-def foreseen_errors(poses: Motion, predictor: Predictor, every: int = 10) -> Float:
-    """Mean distance of the joints from where they came to be, by moment and `AHEAD_S`, (M, 5) [m]."""
+def foreseen_errors(poses: Motion, predictor: Predictor, first: int = 0, every: int = 10) -> Float:
+    """Mean distance of the joints from where they came to be, by moment and `AHEAD_S`, (M, 5) [m].
+
+    Args:
+        poses: of a person.
+        predictor: which is judged.
+        first: frame at which it may first be asked: predictors that are compared are asked at the same moments.
+        every: frames between moments.
+    """
     ahead = np.round(np.array(AHEAD_S) * poses.fps).astype(int)
     true, errors = points(poses), []
-    for now in range(predictor.remembers, len(poses) - ahead[-1], every):
+    for now in range(max(first, predictor.remembers), len(poses) - ahead[-1], every):
         known = poses[now + 1 - predictor.remembers : now + 1]
         found = points(predictor(known, int(ahead[-1])))
         errors.append(np.linalg.norm(found[ahead - 1] - true[now + ahead], axis=-1).mean(axis=1))
@@ -143,6 +150,7 @@ def main(
     """Mirror each clip."""
     sampler = api.open_sampler()
     predictors: dict[str, Predictor] = {"model": ModelPrediction(sampler), "held speed": HeldSpeed(sampler.fps)}
+    first = max(predictor.remembers for predictor in predictors.values())
     errors: dict[str, list[Float]] = {name: [] for name in predictors}
     rows: list[dict[str, Any]] = []
     for number, file in enumerate(held_out(clips, count)):
@@ -172,7 +180,7 @@ def main(
         )
         if kept.poses:
             for name, predictor in predictors.items():
-                errors[name].append(foreseen_errors(concatenate(kept.poses), predictor))
+                errors[name].append(foreseen_errors(concatenate(kept.poses), predictor, first))
         typer.echo(f"{file.stem}: {rows[-1]}", err=True)
     return judged(rows, {name: np.concatenate(found) for name, found in errors.items()})
 

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.human.concatenate import concatenate
+from flexmotion.human.floor import ground_under
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.planted import planted
 from flexmotion.sampling.sampler import Condition, Sampler
@@ -25,6 +27,10 @@ SPEED_S = 0.1
 """Time over which the speed is measured that is held [s]."""
 PACE_S = 1.0 / 3.0
 """Time over which the velocity is measured that the model is asked for [s]."""
+GROUND_S = 0.6
+"""History in which the ground is sought that a person stands on, or jumped from: longer than a person flies [s]."""
+STEP_M = 0.08
+"""Ground that is less than this from z = 0 is the floor [m]: live poses put it up to .05 m off, steps are higher."""
 WALKS = 0.3
 """From this speed on a person walks, and the model gets the words of walking [m/s]."""
 GUIDANCE = 1.0
@@ -78,19 +84,23 @@ class HeldSpeed:
 class ModelPrediction:
     """Sampled from a model without noise, at the velocity of the history; after a window the speed dies away.
 
-    A person of another size is given to the model as its own human, at the scale of the legs.
+    A person of another size is given to the model as its own human, at the scale of the legs. The model has learnt from
+    humans on a floor at z = 0, and would put one who stands on a ladder down to it: the person is given to it on the
+    ground that they stand on, and what it gives is raised again.
     """
 
     def __init__(self, sampler: Sampler) -> None:
         self.name, self._sampler = f"model {sampler.name}", sampler
         self._after = HeldSpeed(sampler.fps)
-        self.remembers = max(sampler.remembers, round(PACE_S * sampler.fps) + 1)
+        self.remembers = max(sampler.remembers, round(max(PACE_S, GROUND_S) * sampler.fps) + 1)
 
     def __call__(self, history: Motion, frames: int) -> Motion:
         """See `Predictor`."""
         sampler = self._sampler
         scale = sampler.body.leg / history.body.leg
-        known = replace(history, body=sampler.body, root_position=scale * history.root_position)
+        height = ground_under(forward(history), history.fps)
+        ground = np.array([0.0, 0.0, height if abs(height) >= STEP_M else 0.0])
+        known = replace(history, body=sampler.body, root_position=scale * (history.root_position - ground))
         velocity = _velocity(known)
         # Words of walking, or of standing, would lower an arm that the person raises.
         wordless = float(np.hypot(*velocity[:2])) < WALKS
@@ -99,7 +109,7 @@ class ModelPrediction:
         window = planted(decode(features, sampler.layout, sampler.body, Anchor.after(known)), known)
         found = replace(
             history[:0],
-            root_position=window.root_position / scale,
+            root_position=window.root_position / scale + ground,
             root_quaternion=window.root_quaternion,
             joints=window.joints,
         )

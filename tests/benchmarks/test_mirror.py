@@ -71,3 +71,13 @@ def test_an_even_motion_is_foreseen_by_its_speed() -> None:
     errors = foreseen_errors(even, HeldSpeed(even.fps, dies_s=1e3))
     assert len(errors) and errors.max() < 0.01
     assert foreseen_errors(even, HeldSpeed(even.fps, dies_s=0.1))[:, -1].min() > 0.2
+
+
+def test_predictors_of_other_histories_are_compared_at_the_same_moments() -> None:
+    # The model was asked from frame 11 on, held speed from frame 4 on: their ratio was of other moments.
+    clip = default_clip()[:80]
+    short, long = HeldSpeed(clip.fps), HeldSpeed(clip.fps)
+    long.remembers = 19
+    errors = [foreseen_errors(clip, predictor, first=19) for predictor in (short, long)]
+    np.testing.assert_array_equal(errors[0], errors[1])
+    assert len(errors[0]) and len(foreseen_errors(clip, short)) > len(errors[0])

@@ -6,17 +6,13 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.human.body import Body
-from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.spatial.heading import heading
-from flexmotion.streamer.api import open_sampler
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.mirror_source import SILENT_S, MirrorSource
 from flexmotion.streamer.motion.person_channel import FPS, PersonChannel, PersonPose, pose_of
-from flexmotion.streamer.motion.prediction import HeldSpeed, ModelPrediction
 from flexmotion.streamer.motion.targets import Target
 
 
@@ -112,25 +108,3 @@ def test_targets(clip):
     empty = MirrorSource(PersonChannel())
     with pytest.raises(ConfigError, match="nobody is seen"):
         empty.turn_to(Target(3, 0, Text("mirror")), 0, None)
-
-
-def test_a_held_speed_dies_away(clip):
-    history = clip[20:40]
-    speed = (history.root_position[-1] - history.root_position[-4]) * FPS / 3.0
-    ahead = HeldSpeed(FPS, dies_s=0.3)(history, 90)
-    np.testing.assert_allclose(ahead.root_position[-1], history.root_position[-1] + 0.3 * speed, atol=1e-4)
-    assert len(HeldSpeed(FPS)(history[:1], 5)) == 5  # of one pose no speed is known
-
-
-def test_the_model_goes_on_from_the_person_whatever_the_size(clip):
-    predictor = ModelPrediction(open_sampler())
-    body = Body(1.5, 50.0)
-    scale = body.leg / clip.body.leg
-    child = replace(clip[:40], body=body, root_position=scale * clip[:40].root_position)
-    ahead = predictor(child, 50)
-    assert len(ahead) == 50 and ahead.body == body
-    assert np.linalg.norm(ahead.root_position[0] - child.root_position[-1]) < 0.08
-    human = forward(ahead)
-    assert np.minimum(human.heel[..., 2], human.toe[..., 2]).min() > -0.1
-    again = predictor(child, 50)
-    np.testing.assert_array_equal(ahead.joints, again.joints)
