@@ -89,7 +89,7 @@ class Messages:
     def url(self) -> str:
         """Of its WebSocket."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"ws://{host}:{self.port}/targets"
+        return f"ws://{host}:{self.port}/targets?ends"
 
     @property
     def options(self) -> dict[str, Any]:

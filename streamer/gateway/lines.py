@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 
 from flexmotion.streamer.gateway.desk import Desk
-from flexmotion.streamer.gateway.messages import Answer, Ended, encode
+from flexmotion.streamer.gateway.messages import Answer, encode
 from flexmotion.streamer.gateway.ways import Way
 
 
@@ -25,7 +25,7 @@ class Lines:
     def __init__(self, source: int, sink: int, desk: Desk, wake: Callable[[], None], way: Way) -> None:
         self.desk, self._wake, self.way = desk, wake, way
         self._loop = asyncio.get_running_loop()
-        self._told: queue.Queue[Answer | Ended] = queue.Queue(desk.settings.most_unread)
+        self._told: queue.Queue[Answer] = queue.Queue(desk.settings.most_unread)
         threading.Thread(target=self._read, args=(source,), name="lines-in", daemon=True).start()
         threading.Thread(target=self._write, args=(sink,), name="lines-out", daemon=True).start()
 
@@ -46,10 +46,10 @@ class Lines:
                     self._loop.call_soon_threadsafe(self._receive, line.rstrip(b"\r\n"))
 
     def _receive(self, line: bytes) -> None:
-        self.desk.receive(line, self._reply, "lines", self._reply)
+        self.desk.receive(line, self._reply, "lines")
         self._wake()
 
-    def _reply(self, answer: Answer | Ended) -> None:
+    def _reply(self, answer: Answer) -> None:
         try:
             self._told.put_nowait(answer)
         except queue.Full:

@@ -2,7 +2,7 @@
 
 JSON objects, one a message. `docs/messages.schema.json` is their JSON Schema (`python -m
 flexmotion.streamer.gateway.schema`). Every message gets one `Answer`. SI units, radians; a field that is not known is
-refused, and so is a version other than `VERSION`. `Ended` follows where the sender stays connected.
+refused, and so is a version other than `VERSION`. `Ended` follows where a connection asks for it.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ class Answer(BaseModel):
 
 
 class Ended(BaseModel):
-    """The end of a target for the whole body that was followed; sent once, to a sender that is still connected.
+    """The end of a target for the whole body that was followed; told once, to the connection that it came by.
 
     Attributes:
         id, source: of its message; target: its number, as in its answer.

@@ -1,7 +1,8 @@
 """HTTP and WebSocket in front of the desk: a thin adapter (FastAPI, uvicorn).
 
 `/targets` is a WebSocket: a message a frame in, an answer a frame out, `?status=HZ` adds the status so many times a
-second, `?page` pictures and figures for a page. `POST /targets` and `POST /TYPE` take one message and give its answer.
+second, `?ends` how the targets of this connection ended, `?page` pictures and figures for a page. `POST /targets` and
+`POST /TYPE` take one message and give its answer.
 `GET /` is the page, further `/status`, `/health`, `/metrics`, `/openapi.json`, `/docs`.
 """
 
@@ -21,6 +22,7 @@ from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.asked import OnEnd, Reply
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import GET_UP_S, KINDS, Answer, Ended, Message, encode
 from flexmotion.streamer.gateway.metrics import METRICS_TYPE
@@ -86,8 +88,13 @@ class Connections:
             if not queue.full():
                 queue.put_nowait(text)
 
-    async def serve(self, socket: WebSocket, status_hz: float, *, page: bool = False) -> None:
-        """One WebSocket, until it is closed; `page`: it is sent pictures and figures of the run."""
+    async def serve(self, socket: WebSocket, status_hz: float, *, page: bool = False, ends: bool = False) -> None:
+        """One WebSocket, until it is closed.
+
+        Args:
+            status_hz: how often it is sent the status; 0: never.
+            page: it is sent pictures and figures of the run; ends: it is told how its targets ended.
+        """
         settings = self.desk.settings
         if len(self._open) >= settings.most_connections:
             self.desk.reject("too many connections")
@@ -106,7 +113,7 @@ class Connections:
                 queue.put_nowait(encode(answer))
 
         tasks = [
-            asyncio.create_task(self._receive(socket, reply, key)),
+            asyncio.create_task(self._receive(socket, reply, key, reply if ends else None)),
             asyncio.create_task(self._send(socket, queue)),
             asyncio.create_task(full.wait()),
         ]
@@ -133,14 +140,14 @@ class Connections:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _receive(self, socket: WebSocket, reply: Callable[[Answer | Ended], None], key: int) -> None:
+    async def _receive(self, socket: WebSocket, reply: Reply, key: int, on_end: OnEnd | None) -> None:
         while True:
             event = await socket.receive()
             if event["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(event.get("code", 1006))
             text = event.get("text")
             data = event.get("bytes") if text is None else text.encode()
-            self.desk.receive(data or b"", reply, key, reply)
+            self.desk.receive(data or b"", reply, key, on_end)
             self.wake()
             # A socket that always has a message does not keep the loop from the others.
             await asyncio.sleep(0)
@@ -260,7 +267,8 @@ def build_app(
         except ValueError:
             rate = 0.0
         rate = min(rate, _FASTEST_STATUS_HZ) if math.isfinite(rate) and rate > 0.0 else 0.0
-        await connections.serve(socket, rate, page="page" in socket.query_params)
+        asked = socket.query_params
+        await connections.serve(socket, rate, page="page" in asked, ends="ends" in asked)
 
     @app.middleware("http")
     async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:

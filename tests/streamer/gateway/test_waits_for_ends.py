@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 
 import pytest
+from websockets.sync.client import connect
 
 from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.cli import execute
@@ -84,6 +85,17 @@ def test_who_waits_is_told_that_the_run_has_gone(begin: Begin, answering: Answer
                 await waiting
 
     asyncio.run(ask())
+
+
+def test_a_connection_that_did_not_ask_for_ends_gets_answers_alone(begin: Begin, answering: Answers) -> None:
+    gateway = begin()
+    answering(gateway.requests)
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets") as socket:
+        for number in range(3):
+            socket.send(json.dumps({"type": "text", "text": "wave", "id": f"{number}"}))
+            while (told := json.loads(socket.recv()))["type"] == "lease":
+                assert number == 0
+            assert (told["type"], told["id"]) == ("answer", f"{number}")
 
 
 @pytest.mark.parametrize(
