@@ -21,6 +21,7 @@ from flexmotion.streamer.motion.heard import End, Heard, HeardStep
 from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
+from flexmotion.streamer.planning.human_ahead import HumanAhead
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_clock import SourceClock
@@ -166,7 +167,7 @@ class StepRunner:
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
         self.over = self.resting and self.source.is_over(frame)
         if self._keeper is not None and np.isfinite(row.odometry).all():
-            asked = self._keeper.update(row.odometry, int(row.tick) / self.rate_hz)
+            asked = self._keeper.update(row.odometry, int(row.tick) / self.rate_hz, HumanAhead(self.source, source_s))
             if asked is not None:
                 self.source.steer(asked)
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
