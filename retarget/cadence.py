@@ -1,8 +1,8 @@
 """Steps at the robot's own cadence, for a robot that lags behind its human.
 
-A robot's steps are shorter than those of a human who walks fast for its size, or goes sideways. It then steps as soon as a foot is free,
-with swings of its fastest walk, and lands with the human's foot where that costs little. So it goes as fast as it can,
-and makes up for its lag while the human is slower or waits.
+A robot's steps are shorter than those of a human who walks fast for its size, or goes sideways. It then steps as soon
+as a foot is free, with swings of its fastest walk, and lands with the human's foot where that costs little. So it goes
+as fast as it can, and makes up for its lag while the human is slower or waits.
 """
 
 from __future__ import annotations
@@ -72,8 +72,7 @@ class Cadence:
         self._shortest_s, self._best_s, self._longest_s = self.swings.brisk_s
 
     def lag(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> tuple[float, float]:
-        """How far the robot is behind its human at a source time: ahead and to the left of the human's heading, both
-        in [m of the robot].
+        """How far the robot is behind at a source time, ahead and to the left in the human's heading [m of the robot].
 
         Args:
             human_feet: positions of the human's feet that the robot's feet represent, (2, 2) [m]; NaN: no lag.
@@ -94,9 +93,10 @@ class Cadence:
             feet: poses of both feet, (2, 4) [m, m, m, rad].
             aside: way to the left that is to be made [m].
         """
-        first = 0 if aside > 0.0 else 1
-        apart = float(np.hypot(*(feet[0] - feet[1])[:2]))
-        return first if apart < 0.5 * sum(self.footholds.gait.lateral) else 1 - first
+        front, yaw = 0 if aside > 0.0 else 1, float(feet[:, 3].mean())
+        x, y = (feet[0] - feet[1])[:2]
+        apart = np.cos(yaw) * y - np.sin(yaw) * x
+        return front if apart < 0.5 * sum(self.footholds.gait.lateral) else 1 - front
 
     def _lags(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> list[tuple[float, float]]:
         """How far each foot is behind the human's; arguments of `lag`."""

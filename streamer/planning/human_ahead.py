@@ -3,18 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.human.motion import Motion
 from flexmotion.sampling.course import MEASURED_S
 from flexmotion.spatial.heading import continuous_heading
-from flexmotion.streamer.motion.model_source import ModelSource
 
 Float = NDArray[np.float64]
 
 MEAN_S = MEASURED_S
 """Way and turn are means over this time, about one gait cycle [s]: a walking body sways within it."""
+
+
+class SampledSource(Protocol):
+    """A source that keeps its frames, at `fps`: see `ModelSource`."""
+
+    @property
+    def fps(self) -> float:
+        """Frames a second."""
+        ...
+
+    def sampled(self, first: int) -> Motion | None:
+        """See `ModelSource.sampled`."""
+        ...
+
+
+class Coming(Protocol):
+    """What a human still does: see `HumanAhead.coming`."""
+
+    def coming(self) -> tuple[float, Float] | None:
+        """See `HumanAhead.coming`."""
+        ...
+
+
+class Looking(Protocol):
+    """Where a human looks: see `HumanAhead.heading`."""
+
+    def heading(self, after_s: float) -> float | None:
+        """See `HumanAhead.heading`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -26,7 +56,7 @@ class HumanAhead:
         second: source time that the robot plays at the moment [s].
     """
 
-    source: ModelSource
+    source: SampledSource
     second: float
 
     def coming(self) -> tuple[float, Float] | None:
@@ -48,3 +78,16 @@ class HumanAhead:
         own = [cosine * moved[:, 0] + sine * moved[:, 1], cosine * moved[:, 1] - sine * moved[:, 0]]
         way = np.column_stack([np.append(0.0, np.cumsum(one)) for one in own] + [yaw])
         return (len(motion) - frames) / fps, way[-frames:].mean(axis=0) - way[:frames].mean(axis=0)
+
+    def heading(self, after_s: float) -> float | None:
+        """Where it looks in a while, as a mean over `MEAN_S`, whole turns counted from some heading on [rad].
+
+        Returns:
+            None: the frames are dropped, or not sampled.
+        """
+        fps = self.source.fps
+        frames, middle = round(MEAN_S * fps), round((self.second + after_s) * fps)
+        motion = self.source.sampled(middle - frames // 2)
+        if motion is None or len(motion) < frames:
+            return None
+        return float(continuous_heading(motion[:frames].root_quaternion).mean())

@@ -4,8 +4,8 @@ A model moves its human not exactly as asked, and a robot does not come as far a
 acts on a window that is not sampled yet, about 3 s before the robot has done it. But what the robot does until then is
 known: the human of the sampled frames is what it follows. So the loop is closed at their end: the robot's odometry, and
 what the sampled human still does, are compared with the way that the asked velocity leads by then in the own heading.
-What is missing there, and its integral, is asked of the next window in addition. A loop without a delay may be fast: no
-ratio of the model or of the robot need be known.
+What is missing there is asked of the next window in addition. A loop without a delay may be fast: no ratio of the model
+or of the robot need be known. What is asked for over what is to be done is learnt, by an integral, within bounds.
 """
 
 from __future__ import annotations
@@ -19,22 +19,25 @@ from numpy.typing import NDArray
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import Velocity
-from flexmotion.streamer.planning.human_ahead import MEAN_S, HumanAhead
+from flexmotion.streamer.planning.human_ahead import MEAN_S, Coming
 
 Float = NDArray[np.float64]
 
 _EVERY_S = 0.25
 """Time between two changes of what the next window is asked for [s]: that of plans, which sample it."""
 _GAIN, _INTEGRAL = np.array([0.2, 0.2, 0.7]), np.array([0.02, 0.02, 0.06])
-"""Of what is missing [1/s], and of its integral [1/s²], on the way ahead and aside, and on the turn."""
+"""Of what is missing [1/s], and of its integral [1/s²], on the way ahead and aside, and on the turn. A window is a second
+long: .7 takes back most of what is missing in one (headings of sampled humans over 60 s, three seeds: 4.8° off in curves
+at .3, 3.2 at .5, 2.4 at .7, rms). On the way it takes back less: a robot that begins a second late is not to hurry."""
 _LEAST, _MOST = 0.5, 2.0
-"""Bounds of what is asked for over what is to be done."""
+"""Bounds of what is asked for over what is to be done, which the integral learns: the human does .5 to 2 times of it."""
 _MOST_S = 5.0
 """More than the way of this time is not made up for: a robot that was held up does not hurry afterwards [s]."""
 _FASTEST = 1.5
 """What is asked of the human is within its pace times this: a robot that is slower than its human goes its fastest."""
 _ACROSS = 2.0
-"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed."""
+"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed: asked to step aside, the
+model's human drifts ahead by as much as it goes aside."""
 
 
 class WayKeeper:
@@ -68,7 +71,7 @@ class WayKeeper:
         self._kept = np.array([speed > 0.0, aside, bool(self._wanted[2])])
         self._speeds = np.array([speed, speed, abs(self._wanted[2])])
 
-    def update(self, place: Float, time_s: float, ahead: HumanAhead) -> Velocity | None:
+    def update(self, place: Float, time_s: float, ahead: Coming) -> Velocity | None:
         """Take a measurement.
 
         Args:
@@ -97,7 +100,8 @@ class WayKeeper:
         seconds, does = coming
         missing = np.mean([one for _, one in self._recent], axis=0) + self._wanted * seconds - does
         missing = np.clip(missing, -most, most) * self._kept
-        self._learn(np.where(np.abs(missing) < most, missing, 0.0) * since)
+        held = (np.abs(missing) >= most) & (self._wanted != 0.0)
+        self._learn(np.where(held, 0.0, missing) * since)
         found = self._bounded(self._ratio * (self._wanted + _GAIN * missing) + _INTEGRAL * self._sum)
         forward, left, turning = map(float, found)
         self.asked = replace(self.wanted, forward=forward, left=left, turning=turning, paced=False)
