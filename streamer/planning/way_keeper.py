@@ -26,18 +26,20 @@ Float = NDArray[np.float64]
 _EVERY_S = 0.25
 """Time between two changes of what the next window is asked for [s]: that of plans, which sample it."""
 _GAIN, _INTEGRAL = np.array([0.2, 0.2, 0.7]), np.array([0.02, 0.02, 0.06])
-"""Of what is missing [1/s], and of its integral [1/s²], on the way ahead and aside, and on the turn. A window is a second
-long: .7 takes back most of what is missing in one (headings of sampled humans over 60 s, three seeds: 4.8° off in curves
-at .3, 3.2 at .5, 2.4 at .7, rms). On the way it takes back less: a robot that begins a second late is not to hurry."""
+"""Of what is missing [1/s], and of its integral [1/s²], on the way ahead and aside, and on the turn.
+
+A window is a second long: .7 takes back most of what is missing in one (sampled humans over 60 s looked 4.8° off in
+curves at .3, 3.2 at .5, 2.4 at .7, rms of three seeds). On the way it is less: a robot that begins a second late is not
+to hurry."""
 _LEAST, _MOST = 0.5, 2.0
-"""Bounds of what is asked for over what is to be done, which the integral learns: the human does .5 to 2 times of it."""
+"""Bounds of what is asked for over what is to be done, which the integral learns: a human does .5 to 2 times of it."""
 _MOST_S = 5.0
 """More than the way of this time is not made up for: a robot that was held up does not hurry afterwards [s]."""
 _FASTEST = 1.5
 """What is asked of the human is within its pace times this: a robot that is slower than its human goes its fastest."""
 _ACROSS = 2.0
-"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed: asked to step aside, the
-model's human drifts ahead by as much as it goes aside."""
+"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed: a model's human that is
+asked to step aside drifts ahead by as much as it goes aside."""
 
 
 class WayKeeper:
@@ -62,9 +64,10 @@ class WayKeeper:
         self._pace, self._scale = pace, scale
         self._place, self._time_s = np.array(place, float), time_s
         self._changed_s = time_s
-        # Forward, left [m] and turn [rad] of the human: now, at the last rows with their times, and over time.
-        self._missing, self._sum = np.zeros(3), np.zeros(3)
-        self._ratio = np.ones(3)
+        # Forward, left [m] and turn [rad] of the human: now, and at the last rows with their times.
+        self._missing = np.zeros(3)
+        # What has been learnt: what is asked for over what is to be done, and, where that is nothing, over time.
+        self._ratio, self._sum = np.ones(3), np.zeros(3)
         self._recent: deque[tuple[float, Float]] = deque([(time_s, self._missing)])
         speed = math.hypot(*self._wanted[:2])
         aside = bool(self._wanted[1])
