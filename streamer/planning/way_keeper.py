@@ -25,6 +25,8 @@ Float = NDArray[np.float64]
 
 _EVERY_S = 0.25
 """Time between two changes of what the next window is asked for [s]: that of plans, which sample it."""
+_LONGEST_S = 0.5
+"""Of a longer time in which the human was not known, this counts [s]."""
 _GAIN, _INTEGRAL = np.array([0.2, 0.2, 0.7]), np.array([0.02, 0.02, 0.06])
 """Of what is missing [1/s], and of its integral [1/s²], on the way ahead and aside, and on the turn.
 
@@ -33,6 +35,8 @@ curves at .3, 3.2 at .5, 2.4 at .7, rms of three seeds). On the way it is less: 
 to hurry."""
 _LEAST, _MOST = 0.5, 2.0
 """Bounds of what is asked for over what is to be done, which the integral learns: a human does .5 to 2 times of it."""
+_NOTHING = 1e-3
+"""Speeds up to this are none [m/s, rad/s]."""
 _MOST_S = 5.0
 """More than the way of this time is not made up for: a robot that was held up does not hurry afterwards [s]."""
 _FASTEST = 1.5
@@ -73,6 +77,7 @@ class WayKeeper:
         aside = bool(self._wanted[1])
         self._kept = np.array([speed > 0.0, aside, bool(self._wanted[2])])
         self._speeds = np.array([speed, speed, abs(self._wanted[2])])
+        self._does = np.abs(self._wanted) > _NOTHING
 
     def update(self, place: Float, time_s: float, ahead: Coming) -> Velocity | None:
         """Take a measurement.
@@ -99,11 +104,11 @@ class WayKeeper:
             self._recent.popleft()
         if time_s - self._changed_s < _EVERY_S or (coming := ahead.coming()) is None:
             return None
-        since, self._changed_s = time_s - self._changed_s, time_s
+        since, self._changed_s = min(time_s - self._changed_s, _LONGEST_S), time_s
         seconds, does = coming
         missing = np.mean([one for _, one in self._recent], axis=0) + self._wanted * seconds - does
         missing = np.clip(missing, -most, most) * self._kept
-        held = (np.abs(missing) >= most) & (self._wanted != 0.0)
+        held = (np.abs(missing) >= most) & self._does
         self._learn(np.where(held, 0.0, missing) * since)
         found = self._bounded(self._ratio * (self._wanted + _GAIN * missing) + _INTEGRAL * self._sum)
         forward, left, turning = map(float, found)
@@ -112,11 +117,10 @@ class WayKeeper:
 
     def _learn(self, missing: Float) -> None:
         """What is missing again and again is asked for in proportion to what is to be done, or, of nothing, added."""
-        added = _INTEGRAL * missing
-        does = self._wanted != 0.0
-        self._ratio = np.clip(self._ratio + np.divide(added, self._wanted, out=np.zeros(3), where=does), _LEAST, _MOST)
+        share = np.divide(_INTEGRAL * missing, self._wanted, out=np.zeros(3), where=self._does)
+        self._ratio = np.clip(self._ratio + share, _LEAST, _MOST)
         limit = self._speeds / _INTEGRAL
-        self._sum = np.where(does, 0.0, np.clip(self._sum + missing, -limit, limit))
+        self._sum = np.where(self._does, 0.0, np.clip(self._sum + missing, -limit, limit))
 
     def _bounded(self, velocity: Float) -> Float:
         """A velocity in the directions that were asked for, and not much beyond the pace."""

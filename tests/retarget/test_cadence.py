@@ -116,13 +116,12 @@ def aside(motion: Motion, retargeter: Retargeter) -> float:
     return float(ratio * (motion.root_position[-1, 1] - motion.root_position[0, 1]))
 
 
-@pytest.mark.parametrize("speed", [-0.16, 0.16])
+@pytest.mark.parametrize("speed", [-0.2, 0.2])
 def test_wide_steps_aside_are_followed_by_more_steps(stepped: Stepped, retargeter: Retargeter, speed: float) -> None:
-    """A robot that went aside once for each of the human's wide steps made a third of its way, and gave up the rest."""
-    motion = sidler(speed, 0.9)
+    """A robot that stepped once for each wide step of the human made .36 of its way, and gave up most of the rest."""
+    motion = sidler(speed, 1.4)
     steps = stepped(motion)
-    assert all(one.side != other.side for one, other in zip(steps, steps[1:], strict=False))
-    ended = places(retargeter, steps, (STANDS_S + 8 * 0.9) * RATE)
+    ended = places(retargeter, steps, (STANDS_S + 8 * 1.4) * RATE)
     assert ended[:, 1].mean() / aside(motion, retargeter) > 0.85
     assert places(retargeter, steps)[:, 1].mean() == pytest.approx(aside(motion, retargeter), abs=0.03)
 

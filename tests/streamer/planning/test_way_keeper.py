@@ -146,7 +146,7 @@ def test_a_robot_that_was_held_does_not_hurry(wanted: Velocity) -> None:
     speed, most = (wanted.turning, PACE.turning) if at else (wanted.forward, PACE.ahead)
     run = driven(wanted, seconds=120.0, held_s=40.0)
     asked = [(one.forward, one.left, one.turning)[at] for one in run.asked]
-    assert max(asked) <= 1.5 * most
+    assert max(asked) <= 1.5 * most + 1e-9
     assert asked[-1] == pytest.approx(speed, rel=0.3)
     missing = speed * 120.0 - run.way[-1, at]
     assert missing >= speed * (40.0 - 8.0)
