@@ -25,7 +25,7 @@ _LAST_LAG = 0.5
 """The same once the human's frames have ended: the step that puts the feet side by side follows anyway."""
 _LEAST_WAY = 0.4
 """A step of its own that lifts between the human's takes the foot at least so far; over its longest stride."""
-_LEAST_ASIDE, _LEAST_ASIDE_WAY = 0.5, 0.4
+_LEAST_ASIDE, _LEAST_ASIDE_WAY = 1.0, 0.4
 """Lag to the side, and way of a step that makes up for it, likewise; over the range of `gait.lateral`, which is what a
 step out and a step after it get a robot aside."""
 _HEADING_S = 0.0, 0.9
