@@ -1,8 +1,8 @@
 """Steps at the robot's own cadence, for a robot that lags behind its human.
 
-A robot's steps are shorter than those of a human who walks fast for its size. It then steps as soon as a foot is free,
-with swings of its fastest walk, and lands with the human's foot where that costs little. So it goes as fast as it can,
-and makes up for its lag while the human is slower or waits.
+A robot's steps are shorter than those of a human who walks fast for its size, or goes sideways. It then steps as soon
+as a foot is free, with swings of its fastest walk, and lands with the human's foot where that costs little. So it goes
+as fast as it can, and makes up for its lag while the human is slower or waits.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ _LAST_LAG = 0.5
 """The same once the human's frames have ended: the step that puts the feet side by side follows anyway."""
 _LEAST_WAY = 0.4
 """A step of its own that lifts between the human's takes the foot at least so far; over its longest stride."""
+_LEAST_ASIDE, _LEAST_ASIDE_WAY = 1.0, 0.4
+"""Lag to the side, and way of a step that makes up for it, likewise; over the range of `gait.lateral`, which is what a
+step out and a step after it get a robot aside."""
 _HEADING_S = 0.0, 0.9
 """The human's heading that counts for a foot is the mean over this time after its landing [s]: the foot points there
 for as long, and the pelvis oscillates once a stride. The torso twists over the feet to where the human looks now."""
@@ -64,30 +67,44 @@ class Cadence:
         self.least_lag, self.last_lag, self.least_way = (
             share * stride for share in (_LEAST_LAG, _LAST_LAG, _LEAST_WAY)
         )
+        aside = footholds.gait.lateral[1] - footholds.gait.lateral[0]
+        self.least_aside, self.least_aside_way = _LEAST_ASIDE * aside, _LEAST_ASIDE_WAY * aside
         self._shortest_s, self._best_s, self._longest_s = self.swings.brisk_s
 
-    def lag(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> float:
-        """How far the robot is behind its human at a source time, in the human's heading [m of the robot].
+    def lag(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> tuple[float, float]:
+        """How far the robot is behind at a source time, ahead and to the left in the human's heading [m of the robot].
 
         Args:
             human_feet: positions of the human's feet that the robot's feet represent, (2, 2) [m]; NaN: no lag.
             consumed: source time up to which the human swings of each foot are used up, (2,) [s].
         """
-        return 0.5 * sum(self._lags(view, human_feet, consumed, second))
+        left, right = self._lags(view, human_feet, consumed, second)
+        return 0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1])
 
     def rear_foot(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> int:
         """The foot that is further behind the human's, 0 left, 1 right; arguments of `lag`."""
         left, right = self._lags(view, human_feet, consumed, second)
-        return int(abs(right) > abs(left))
+        return int(abs(right[0]) > abs(left[0]))
 
-    def _lags(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> tuple[float, float]:
+    def outer_foot(self, feet: Float, aside: float) -> int:
+        """The foot that gets the robot further aside, 0 left, 1 right: the one in front, unless it is far out already.
+
+        Args:
+            feet: poses of both feet, (2, 4) [m, m, m, rad].
+            aside: way to the left that is to be made [m].
+        """
+        front, yaw = 0 if aside > 0.0 else 1, float(feet[:, 3].mean())
+        x, y = (feet[0] - feet[1])[:2]
+        apart = np.cos(yaw) * y - np.sin(yaw) * x
+        return front if apart < 0.5 * sum(self.footholds.gait.lateral) else 1 - front
+
+    def _lags(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> list[tuple[float, float]]:
         """How far each foot is behind the human's; arguments of `lag`."""
         window = view.window
         yaw = window.mean_heading(*self._heading_s(second))
         places = (self._human_place(view, side, consumed[side], second) for side in (0, 1))
-        ways = (np.nan_to_num(place - foot) for place, foot in zip(places, human_feet, strict=True))
-        left, right = (self._along(view, way, yaw) for way in ways)
-        return left, right
+        ways = [np.nan_to_num(place - foot) for place, foot in zip(places, human_feet, strict=True)]
+        return [(self._along(view, way, yaw), self._along(view, way, yaw + 0.5 * np.pi)) for way in ways]
 
     def _human_place(self, view: HumanView, side: int, consumed_s: float, second: float) -> Float:
         """Where the human's foot is at a source time, (2,) [m]: of one in the air, where it lifted.

@@ -196,12 +196,21 @@ class FootstepPlanner:
             if lift > made.landed + self.timing.ticks(NOTICE_S):
                 lift, notice_s = max(lift, unhurried), UNHURRIED_S
             second = view.second_at(lift)
-            if lift >= before or abs(cadence.lag(view, made.human_feet, made.consumed, second)) < enough:
+            if lift >= before:
+                return
+            ahead, aside = cadence.lag(view, made.human_feet, made.consumed, second)
+            sidles = abs(ahead) < enough
+            if sidles and abs(aside) < cadence.least_aside:
                 return
             rested = made.free <= lift
-            rear = cadence.rear_foot(view, made.human_feet, made.consumed, second)
-            side = rear if rested.all() else int(np.argmax(rested))
-            own = cadence.step(view, side, lift, made.feet, made.human_feet)
+            if not rested.all():
+                side = int(np.argmax(rested))
+            elif sidles:
+                side = cadence.outer_foot(made.feet, aside)
+            else:
+                side = cadence.rear_foot(view, made.human_feet, made.consumed, second)
+            least_way = cadence.least_aside_way if sidles else cadence.least_way
+            own = cadence.step(view, side, lift, made.feet, made.human_feet, least_way=least_way)
             if own is None:
                 return
             made.add(replace(self._own(view, made, own), notice_s=notice_s))

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from benchmarks.robot.simulation import simulator
 from benchmarks.robot.steering import asked_at, stays_upright, torso_yaw, way_along
-from benchmarks.shared.cells import middle
+from benchmarks.shared.cells import cell, middle
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
@@ -150,9 +150,9 @@ def verdicts(found: list[Run]) -> list[Verdict]:
     looking = sum(heading <= HEADING_DEG for heading in headings)
     fell = sum(not run.upright for run in found)
     return [
-        Verdict(f"way within 10 %: {near} of {len(ways)} runs, median {middle(ways):.2f}", near == len(ways)),
+        Verdict(f"way within 10 %: {near} of {len(ways)} runs, median {cell(middle(ways))}", near == len(ways)),
         Verdict(
-            f"heading within 5°: {looking} of {len(headings)} runs, median {middle(headings):.1f}°",
+            f"heading within 5°: {looking} of {len(headings)} runs, median {cell(middle(headings), '.1f')}°",
             looking == len(headings),
         ),
         Verdict(f"falls: {fell} of {len(found)} (0)", fell == 0),

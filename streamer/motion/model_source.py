@@ -191,6 +191,10 @@ class ModelSource:
         before = [one for one in self._schedule if one[0] < self._next]
         self._schedule = [*before, (self._next, intent), *(one for one in self._schedule if one[0] > self._next)]
 
+    def sampled(self, first: int) -> Motion | None:
+        """The frames from `first` on that are sampled already; None: there are none, or some of them were dropped."""
+        return concatenate(self._cut(first, self._next)) if self._first <= first < self._next else None
+
     def finish(self, frame: int) -> None:
         """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame."""
         current = self.program_at(frame)

@@ -202,7 +202,7 @@ class Replanner:
                 exact=self._runner is not None and self._runner.faces,
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
                 restrictions=self.restrictions.restrictions,
-                drift=self._drift.value,
+                drift=self._drift.value + (0.0 if self._runner is None else self._runner.aside),
                 checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
                 settle=None if self._lockstep else settle,
             )

@@ -21,12 +21,14 @@ from flexmotion.streamer.motion.heard import End, Heard, HeardStep
 from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
+from flexmotion.streamer.planning.human_ahead import HumanAhead
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_clock import SourceClock
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
+from flexmotion.streamer.planning.straight_heading import StraightHeading
 from flexmotion.streamer.planning.way_keeper import WayKeeper
 
 Float = NDArray[np.float64]
@@ -67,6 +69,7 @@ class StepRunner:
         facing: by how much the human that stands looks to the left of where the robot's feet point [rad].
         resting: the robot is to come to its balanced stop, and stands until something is wanted.
         over: the robot rests, and its source has nothing more.
+        aside: what the human that the robot follows looks aside of a straight course, up to a constant [rad].
     """
 
     def __init__(
@@ -83,6 +86,7 @@ class StepRunner:
         self.wanted: Intent | None = None
         self.facing = 0.0
         self.resting = self.over = False
+        self.aside = 0.0
         self._program: Program | None = None
         self._coming: Program | None = None  # of the last target, until its first frame is played
         self._index, self._phase = 0, _Phase.OVER
@@ -90,6 +94,7 @@ class StepRunner:
         self._at: StepProgress | None = None
         self._navigator: Navigator | None = None
         self._keeper: WayKeeper | None = None  # of a velocity without an amount
+        self._straight: StraightHeading | None = None  # of one without a turn
         self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
         self._clock = SourceClock(rate_hz)
         self._walked_tick = -(10**9)
@@ -166,9 +171,7 @@ class StepRunner:
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
         self.over = self.resting and self.source.is_over(frame)
         if self._keeper is not None and np.isfinite(row.odometry).all():
-            asked = self._keeper.update(row.odometry, int(row.tick) / self.rate_hz)
-            if asked is not None:
-                self.source.steer(asked)
+            self._keep(self._keeper, row, HumanAhead(self.source, source_s))
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
         step = program.steps[min(self._index, len(program.steps) - 1)]
@@ -209,7 +212,20 @@ class StepRunner:
         if step.amount is None and self._phase is _Phase.ACT and self._navigator is None:
             self._phase = _Phase.OVER  # until something else is asked
         if not self._is_kept(step):
-            self._keeper = self._keeper_of(step, row)
+            self._keeper, self._straight = self._keeper_of(step, row), None
+
+    def _keep(self, keeper: WayKeeper, row: TickRow, ahead: HumanAhead) -> None:
+        """Keep a velocity, and the heading where it is to stay."""
+        time_s, facing = int(row.tick) / self.rate_hz, float(row.odometry[2])
+        asked = keeper.update(row.odometry, time_s, ahead)
+        if asked is not None:
+            self.source.steer(asked)
+        if keeper.wanted.turning:
+            return
+        if self._straight is None:
+            self._straight = StraightHeading(facing, time_s, self.aside)
+        self._straight.update(facing, time_s, ahead)
+        self.aside = self._straight.aside
 
     def _keeper_of(self, step: Step, row: TickRow) -> WayKeeper | None:
         """Who keeps an operator's velocity until something else is asked; a script's human is known before it runs."""
@@ -239,7 +255,7 @@ class StepRunner:
             self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
         if end == "stopped":
-            self._keeper = None
+            self._keeper = self._straight = None
 
     def _next(self, row: TickRow, end: End, measured: float | None) -> None:
         """A step has ended."""

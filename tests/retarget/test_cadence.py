@@ -103,6 +103,44 @@ def test_a_slow_human_of_long_strides_is_kept_up_with_by_more_steps(stepped: Ste
     assert places(retargeter, steps)[:, 0].mean() == pytest.approx(way(slow, retargeter), abs=0.03)
 
 
+def sidler(speed: float, step_s: float, count: int = 8, stands_s: float = 4.0) -> Motion:
+    """A human who goes to the left at a speed [m/s] while it steps, and stands."""
+    steps = walker(0.0, step_s, count, stands_s)
+    seconds = np.clip(np.arange(len(steps)) / steps.fps - STANDS_S, 0.0, count * step_s)
+    return replace(steps, root_position=steps.root_position + seconds[:, None] * [0.0, speed, 0.0])
+
+
+def aside(motion: Motion, retargeter: Retargeter) -> float:
+    """How far the human goes to the left, scaled to the robot [m]."""
+    ratio = retargeter.body.leg_length / motion.body.leg
+    return float(ratio * (motion.root_position[-1, 1] - motion.root_position[0, 1]))
+
+
+@pytest.mark.parametrize("speed", [-0.2, 0.2])
+def test_wide_steps_aside_are_followed_by_more_steps(stepped: Stepped, retargeter: Retargeter, speed: float) -> None:
+    """A robot that stepped once for each wide step of the human made .36 of its way, and gave up most of the rest."""
+    motion = sidler(speed, 1.4)
+    steps = stepped(motion)
+    ended = places(retargeter, steps, (STANDS_S + 8 * 1.4) * RATE)
+    assert ended[:, 1].mean() / aside(motion, retargeter) > 0.8
+    assert places(retargeter, steps)[:, 1].mean() == pytest.approx(aside(motion, retargeter), abs=0.03)
+
+
+@settings(max_examples=40, deadline=None)
+@given(speed=st.floats(-0.6, 0.6), step_s=st.floats(0.4, 1.4))
+def test_feet_that_go_aside_rest_and_never_cross(
+    stepped: Stepped, retargeter: Retargeter, speed: float, step_s: float
+) -> None:
+    gait, feet, landed, last = retargeter.gait, retargeter.body.home_feet.copy(), -np.inf, None
+    for step in stepped(sidler(speed, step_s)):
+        assert in_time(retargeter.swings, step)
+        rests_s = SAME_FOOT_REST_S if step.side == last else gait.double_support_min_s
+        assert step.lift >= landed + rests_s * RATE - 1e-9
+        apart = (step.target[1] - feet[step.stance, 1]) * (1 if step.side == 0 else -1)
+        assert gait.lateral[0] - 1e-9 <= apart <= gait.lateral[1] + 1e-9
+        feet[step.side], landed, last = step.target, step.land, step.side
+
+
 @pytest.mark.parametrize("step_m", [0.2, 0.3])
 def test_a_robot_that_keeps_up_steps_with_its_human(
     stepped: Stepped, retargeter: Retargeter, window: Windows, step_m: float

@@ -54,6 +54,23 @@ def test_a_new_window_repeats_the_frames_and_adds_more() -> None:
         assert again.wrenches is not None
 
 
+def test_what_is_sampled_ahead_is_what_later_windows_give() -> None:
+    it = source()
+    assert it.window(0, 40) is not None
+    ahead = it.sampled(20)
+    assert ahead is not None and len(ahead) > 20  # more than any window has given
+    later = it.window(20, len(ahead))
+    assert later is not None
+    np.testing.assert_array_equal(pose(ahead), pose(later))
+
+
+def test_frames_that_are_dropped_or_not_sampled_are_not_given() -> None:
+    it = source()
+    for begin in range(0, 300, 10):
+        assert it.window(begin, 32) is not None
+    assert it.sampled(100) is None and it.sampled(2000) is None
+
+
 def test_motion_depends_on_the_seed_and_not_on_the_windows_requested() -> None:
     whole = source(seed=3).window(0, 150)
     it, parts = source(seed=3), []

@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard, HeardStep
@@ -34,6 +37,18 @@ class FakeSource:
     pace = None
     finished: int | None = None
     steered: Velocity | None = None
+    looks_rad = 0.0  # where its human looks, from 10 s on
+
+    def sampled(self, first: int) -> Motion | None:
+        """A human that glides ahead at .2 m/s."""
+        clip, seconds = default_clip(), np.arange(first, first + 90) / FPS
+        yaw = np.where(seconds < 10.0, 0.0, self.looks_rad)
+        return replace(
+            clip[: len(seconds)],
+            fps=FPS,
+            root_position=np.column_stack([0.2 * seconds, np.zeros(len(seconds)), np.full(len(seconds), 0.9)]),
+            root_quaternion=Rotation.from_euler("z", yaw[:, None]).as_quat(scalar_first=True),
+        )
 
     def steer(self, intent: Velocity) -> None:
         self.steered = intent
@@ -223,6 +238,20 @@ def test_the_same_velocity_once_more_goes_on_with_what_was_learnt() -> None:
     again, other = program(OPEN, number=2), program(replace(OPEN, intent=Velocity(0.2, 0.0, 0.0)), number=3)
     assert robot.runner.turned(again, robot.row) == learnt
     assert robot.runner.turned(other, robot.row) is None
+
+
+def test_what_the_human_looks_aside_is_taken_off_a_straight_way_alone() -> None:
+    """A human that stepped aside wandered by 6°, and the robot with it."""
+    robot = Robot((0, program(OPEN)))
+    robot.runner.source.looks_rad = 0.1
+    robot.run(8.0, ahead=0.2)
+    assert robot.runner.aside == pytest.approx(0.0, abs=1e-6)
+    robot.run(6.0, ahead=0.2)
+    assert robot.runner.aside == pytest.approx(0.1, abs=0.01)
+    curve = Robot((0, program(replace(OPEN, intent=Velocity(0.4, 0.0, 0.2)))))
+    curve.runner.source.looks_rad = 0.1
+    curve.run(15.0, ahead=0.2)
+    assert curve.runner.aside == 0.0
 
 
 def test_a_stop_forgets_the_velocity() -> None:

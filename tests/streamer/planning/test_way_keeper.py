@@ -1,94 +1,180 @@
-"""A velocity is kept by the robot's way, within bounds, and whatever the robot does."""
+"""A velocity is kept by the robot's way, within bounds, and whatever the robot and its human do."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.streamer.planning.human_ahead import MEAN_S
 from flexmotion.streamer.planning.way_keeper import WayKeeper
 
-SCALE, STEP_S, LATE_S = 4.0, 0.1, 3.0
+SCALE, STEP_S, WINDOW = 4.0, 0.1, 11
 PACE = Pace(ahead=0.9, back=0.45, aside=0.18, turning=0.7)
 
 Does = Callable[[np.ndarray], np.ndarray]
 
 
-def driven(
-    wanted: Velocity, does: Does, seconds: float = 60.0, held_s: float = 0.0
-) -> tuple[np.ndarray, list[Velocity]]:
-    """Way and turn in its own heading of a robot whose human does `does` of what it is asked for, `LATE_S` later.
+def as_asked(asked: np.ndarray) -> np.ndarray:
+    """A human that does what it is asked for."""
+    return asked
 
-    Returns:
-        Forward, left [m of the human] and turn [rad] over what was asked in that time; all that was asked of the human.
+
+@dataclass
+class Ahead:
+    """The human of a simulated source at a step: way in its own heading at each step that is sampled, (T, 3)."""
+
+    way: list[np.ndarray]
+    now: int
+
+    def coming(self) -> tuple[float, np.ndarray] | None:
+        """See `HumanAhead.coming`."""
+        mean = round(MEAN_S / STEP_S)
+        if self.now < mean:
+            return None
+        before, last = np.array(self.way[self.now - mean : self.now]), np.array(self.way[-mean:])
+        return (len(self.way) - self.now) * STEP_S, last.mean(axis=0) - before.mean(axis=0)
+
+
+@dataclass
+class Run:
+    """What became of one: way and turn of the robot at each step [m of the human, rad], and all that was asked."""
+
+    way: np.ndarray
+    asked: list[Velocity]
+
+
+def driven(
+    wanted: Velocity,
+    does: Does = as_asked,
+    seconds: float = 60.0,
+    *,
+    share: float = 1.0,
+    late_s: float = 0.3,
+    sampled_s: float = 1.5,
+    held_s: float = 0.0,
+) -> Run:
+    """A keeper with a human that does `does` of what it is asked for, window after window.
+
+    Args:
+        share: of the human's way that the robot covers; it turns as its human.
+        late_s: the robot follows its human so much later.
+        sampled_s: human that is sampled ahead, at least.
+        held_s: until then the robot does not move.
     """
     place, way = np.zeros(3), np.zeros(3)
     keeper = WayKeeper(wanted, PACE, SCALE, place, 0.0)
-    asked = [wanted]
-    under_way: deque[Velocity] = deque([Velocity(0.0, 0.0, 0.0)] * round(LATE_S / STEP_S))
+    asked, human, done = [wanted], [np.zeros(3)], [np.zeros(3)]
     for number in range(1, round(seconds / STEP_S) + 1):
-        under_way.append(asked[-1])
-        now = under_way.popleft()
-        done = does(np.array([now.forward, now.left, now.turning])) * STEP_S * (number * STEP_S >= held_s)
-        way += done
-        middle = place[2] + 0.5 * done[2]
+        while len(human) < number + sampled_s / STEP_S:
+            now = asked[-1]
+            window = does(np.array([now.forward, now.left, now.turning])) * STEP_S
+            human += [human[-1] + (one + 1) * window for one in range(WINDOW)]
+        second = max(number - round(late_s / STEP_S), 1)
+        moved = (human[second] - human[second - 1]) * [share, share, 1.0] * (number * STEP_S >= held_s)
+        way = way + moved
+        done.append(way)
+        middle = place[2] + 0.5 * moved[2]
         turned = np.array([[math.cos(middle), -math.sin(middle)], [math.sin(middle), math.cos(middle)]])
-        place = place + [*(turned @ done[:2] / SCALE), done[2]]
-        asked += [one for one in [keeper.update(place, number * STEP_S)] if one is not None]
-    return way, asked
+        place = place + [*(turned @ moved[:2] / SCALE), moved[2]]
+        found = keeper.update(place, number * STEP_S, Ahead(human, number))
+        asked += [] if found is None else [found]
+    return Run(np.array(done), asked)
 
 
-@pytest.mark.parametrize("share", [0.7, 1.0, 1.4])
-@pytest.mark.parametrize("wanted", [Velocity(0.5, 0.0, 0.0), Velocity(0.4, 0.0, 0.2), Velocity(0.0, 0.0, -0.4)])
-def test_a_robot_that_does_less_or_more_than_its_human_comes_as_far_as_asked(wanted: Velocity, share: float) -> None:
-    way, _ = driven(wanted, lambda asked: share * asked)
-    expected = 60.0 * np.array([wanted.forward, wanted.left, wanted.turning])
-    np.testing.assert_allclose(way, expected, atol=0.05 * np.abs(expected).max())
+def led(wanted: Velocity, seconds: float = 60.0) -> np.ndarray:
+    """Where a velocity leads."""
+    return seconds * np.array([wanted.forward, wanted.left, wanted.turning])
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0])
+@pytest.mark.parametrize("wanted", [Velocity(0.5, 0.0, 0.0), Velocity(0.4, 0.0, 0.2), Velocity(0.0, 0.12, 0.0)])
+def test_a_robot_that_does_less_than_its_human_comes_as_far_as_asked(wanted: Velocity, share: float) -> None:
+    way = driven(wanted, share=share).way[-1]
+    np.testing.assert_allclose(way, led(wanted), atol=0.05 * np.abs(led(wanted)).max())
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    gain=st.floats(0.5, 2.0),
+    late_s=st.floats(0.0, 0.8),
+    sampled_s=st.floats(1.0, 2.5),
+    turning=st.sampled_from([-0.3, 0.15, 0.3]),
+)
+def test_a_turn_is_kept_by_a_human_of_any_gain_and_delay(
+    gain: float, late_s: float, sampled_s: float, turning: float
+) -> None:
+    """A human that turned 1.7 times as fast as asked was called back slowly: turns of a minute ended 5 to 13° off."""
+    wanted = Velocity(0.0, 0.0, turning)
+    run = driven(wanted, lambda asked: gain * asked, late_s=late_s, sampled_s=sampled_s)
+    steps = np.arange(len(run.way)) * STEP_S
+    off = np.degrees(run.way[:, 2] - turning * steps)[-100:]  # 10 s, also of a loop that oscillates
+    assert np.abs(off).max() < 3.0
+
+
+@settings(deadline=None, max_examples=40)
+@given(gain=st.floats(0.5, 2.0), turns=st.floats(0.5, 2.0), share=st.floats(0.7, 1.0))
+def test_a_curve_is_kept_by_a_human_of_any_gain(gain: float, turns: float, share: float) -> None:
+    """A ratio that was learnt from turns on the spot had curves end 22 to 33° off."""
+    wanted, gain = Velocity(0.4, 0.0, 0.2), max(gain, 0.55 / share)
+    way = driven(wanted, lambda asked: asked * [gain, 1.0, turns], share=share).way[-1]
+    assert abs(math.degrees(way[2] - led(wanted)[2])) < 3.0
+    assert way[0] == pytest.approx(led(wanted)[0], rel=0.07)
 
 
 def test_a_human_that_drifts_ahead_while_it_steps_aside_is_held_back() -> None:
-    way, asked = driven(Velocity(0.0, 0.12, 0.0), lambda asked: asked + [0.06, 0.0, 0.0])
-    assert abs(way[0]) < 0.25 * 60 * 0.06 and asked[-1].forward < 0.0
+    run = driven(Velocity(0.0, 0.12, 0.0), lambda asked: asked + [0.06, 0.0, 0.0])
+    assert abs(run.way[-1, 0]) < 0.25 * 60 * 0.06 and run.asked[-1].forward < 0.0
 
 
 def test_who_walks_ahead_is_not_asked_to_sway_aside_and_who_goes_straight_not_to_turn() -> None:
-    _, asked = driven(Velocity(0.5, 0.0, 0.0), lambda asked: 0.8 * asked + [0.0, 0.02, 0.05])
-    assert {(one.left, one.turning) for one in asked} == {(0.0, 0.0)}
+    run = driven(Velocity(0.5, 0.0, 0.0), lambda asked: 0.8 * asked + [0.0, 0.02, 0.05])
+    assert {(one.left, one.turning) for one in run.asked} == {(0.0, 0.0)}
 
 
-def test_a_robot_that_was_held_does_not_hurry_without_bound() -> None:
-    _, asked = driven(Velocity(0.5, 0.0, 0.0), lambda asked: asked, held_s=40.0)
-    assert max(one.forward for one in asked) <= 1.5 * PACE.ahead
-    _, asked = driven(Velocity(0.5, 0.0, 0.0), lambda asked: asked, seconds=120.0, held_s=40.0)
-    assert asked[-1].forward == pytest.approx(0.5, abs=0.15)
+@pytest.mark.parametrize("wanted", [Velocity(0.5, 0.0, 0.0), Velocity(0.0, 0.0, 0.3)])
+def test_a_robot_that_was_held_does_not_hurry(wanted: Velocity) -> None:
+    """It makes up for 5 s of its way at most: what it missed before is gone, and its human is asked as before again."""
+    at = 2 if wanted.turning else 0
+    speed, most = (wanted.turning, PACE.turning) if at else (wanted.forward, PACE.ahead)
+    run = driven(wanted, seconds=120.0, held_s=40.0)
+    asked = [(one.forward, one.left, one.turning)[at] for one in run.asked]
+    assert max(asked) <= 1.5 * most + 1e-9
+    assert asked[-1] == pytest.approx(speed, rel=0.3)
+    missing = speed * 120.0 - run.way[-1, at]
+    assert missing >= speed * (40.0 - 8.0)
 
 
-def test_the_human_is_changed_at_most_every_two_seconds() -> None:
-    _, asked = driven(Velocity(0.5, 0.0, 0.0), lambda asked: 0.7 * asked)
-    assert len(asked) - 1 <= 60.0 / 2.0
+def test_what_is_asked_waits_for_a_human_that_is_known() -> None:
+    keeper = WayKeeper(Velocity(0.0, 0.0, 0.3), PACE, SCALE, np.zeros(3), 0.0)
+    assert all(keeper.update(np.zeros(3), one * STEP_S, Ahead([np.zeros(3)], 0)) is None for one in range(1, 60))
 
 
 @given(
     wanted=st.tuples(*(st.floats(-limit, limit) for limit in (1.0, 0.4, 1.0))),
     moves=st.lists(st.tuples(*[st.floats(-0.5, 0.5)] * 3), min_size=40, max_size=80),
+    coming=st.tuples(*[st.floats(-5.0, 5.0)] * 3),
 )
 def test_whatever_the_robot_does_the_human_is_asked_for_nothing_wild(
-    wanted: tuple[float, float, float], moves: list[tuple[float, float, float]]
+    wanted: tuple[float, float, float], moves: list[tuple[float, float, float]], coming: tuple[float, float, float]
 ) -> None:
+    class Wild:
+        def coming(self) -> tuple[float, np.ndarray]:
+            return 2.0, np.array(coming)
+
     place = np.zeros(3)
     keeper = WayKeeper(Velocity(*wanted), PACE, SCALE, place, 0.0)
     for number, move in enumerate(moves):
         place = place + move
-        asked = keeper.update(place, 0.5 * (number + 1))
-        if asked is None:
-            continue
+        asked = keeper.update(place, 0.5 * (number + 1), Wild())
+        assert asked is not None
         for found, given_one in ((asked.left, wanted[1]), (asked.turning, wanted[2])):
             assert found * given_one >= 0.0
         assert asked.forward * wanted[0] >= 0.0
