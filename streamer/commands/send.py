@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _VELOCITY_S = 5.0
 """A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
 
+_ENDING = ("TEXT", "--velocity", "--heading", "--waypoint", "--clip")
+"""What `--wait` can wait for."""
+
 
 def _present(answer: Answer, as_json: bool) -> None:
     if as_json:
@@ -158,6 +161,8 @@ def send(
     moved = given_parts - {"--relax", "--contact", "--torque", "--tension"}
     if part.in_s is not None and not moved:
         raise typer.BadParameter("--in is that of a --hand, --point, --look or --joint")
+    if wait and chosen[0] not in _ENDING:
+        raise typer.BadParameter(f"--wait is that of {', '.join(_ENDING)}: nothing else ends by itself")
     if turning is not None and turn is None:
         raise typer.BadParameter("--turning is that of a --heading")
     radians = None if heading is None else math.radians(heading)

@@ -111,6 +111,11 @@ def test_what_has_no_end_is_not_waited_for(fields: dict[str, object], message: s
         Client().wait(Answer.model_validate(fields))
 
 
+def test_the_command_refuses_to_wait_for_what_has_no_end(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["send", "--look", "1", "0", "0", "--wait"]) == 2
+    assert "--wait is that of TEXT" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(("end", "code", "line"), [("done", 0, "done: 2.03 m of 2 m"), ("time limit", 3, "not done")])
 def test_the_command_waits_and_says_how_it_ended(
     run: Run, begin: Begin, answering: Answers, capsys: pytest.CaptureFixture[str], end: str, code: int, line: str
