@@ -36,18 +36,18 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.run.session import Session
 
 STAND = "standing"
-SIZES = {STAND: (0.3, 0.5, 0.7, 0.9), "walking": (0.15, 0.3, 0.45, 0.6)}
+SIZES = {STAND: (0.3, 0.9, 1.2, 1.6), "walking": (0.3, 0.6, 0.9, 1.2)}
 """Impulses of robots that stand and that walk [N·s]."""
 PUSHED_S = 0.1
 """How long a push lasts [s]."""
-STOOD_S, WALKED_S, AFTER_S = 3.0, 4.0, 3.0
+STOOD_S, WALKED_S, AFTER_S = 2.0, 3.0, 2.0
 """Time until the walk begins, of the walk before its pushes, and after a push [s]."""
 STAND_CYCLE_S = 0.5
 """The pushes of a robot that stands are spread over the time between two plans, about [s]."""
 SMALL, SMALL_STANDING, SMALL_WALKING, RECOVERABLE = 0.3, 0.98, 0.90, 0.95
 """Size of push [N·s] and share upright that is wanted; that of all recoverable pushes."""
 TURNED = 0.381966
-"""Part of the step between two directions, or phases, by which the next seed's are turned: no seed repeats another's."""
+"""Part of the step between two directions, or phases, by which those of the next seed are turned: none repeats."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,9 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
     return Trial(walk, seed, phase, single, direction_deg, size, steps, upright, landings, driver.violations)
 
 
-def push_all(task: tuple[str, int], phases: int, directions: int, sizes: Sequence[float], robot_name: str) -> list[Trial]:
+def push_all(
+    task: tuple[str, int], phases: int, directions: int, sizes: Sequence[float], robot_name: str
+) -> list[Trial]:
     """All pushes of one run."""
     walk, seed = task
     robot = load_robot(robot_name)
@@ -175,8 +177,8 @@ def push_all(task: tuple[str, int], phases: int, directions: int, sizes: Sequenc
 
 def main(
     robot: Annotated[str, typer.Option(help="Name or folder of the robot.")] = "op3",
-    phases: Annotated[int, typer.Option(min=1, help="Moments of a gait cycle.")] = 6,
-    directions: Annotated[int, typer.Option(min=1, help="Directions of pushes.")] = 8,
+    phases: Annotated[int, typer.Option(min=1, help="Moments of a gait cycle.")] = 5,
+    directions: Annotated[int, typer.Option(min=1, help="Directions of pushes.")] = 6,
     walks: Annotated[list[str] | None, typer.Option("--walk", help="Only this one (repeatable).")] = None,
     size: Annotated[list[float] | None, typer.Option(help="Only this impulse [N·s] (repeatable).")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each.")] = 1,
@@ -189,7 +191,7 @@ def main(
     names = walks or [STAND, "ahead"]
     for walk in names:
         sizes = size or SIZES[STAND if walk == STAND else "walking"]
-        # Half of the moments are enough for a robot that does not move.
+        # A third of the moments is enough for a robot that does not move.
         moments = (phases + 2) // 3 if walk == STAND else phases
         work = partial(push_all, phases=moments, directions=directions, sizes=sizes, robot_name=robot)
         tasks = [(walk, seed + number) for number in range(seeds)]
@@ -254,7 +256,9 @@ def verdicts(trials: list[Trial]) -> list[Verdict]:
             text = f"{name}, {SMALL:g} N·s: upright {percent(small)} of {len(small)} (>= {100 * wanted:.0f} %)"
             found.append(Verdict(text, share(small) >= wanted))
     can = [t.upright for t in trials if t.recoverable]
-    text = f"of {len(can)} recoverable pushes ({len(trials)} in all) upright {percent(can)} (>= {100 * RECOVERABLE:.0f} %)"
+    text = (
+        f"of {len(can)} recoverable pushes ({len(trials)} in all) upright {percent(can)} (>= {100 * RECOVERABLE:.0f} %)"
+    )
     sent = sum(t.violations for t in trials)
     return [
         *found,
