@@ -88,6 +88,9 @@ CATALOGUE = (
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),
+    Benchmark(
+        "robot/pushes", "4 min", (), ".3 N·s upright below 98 % (standing), 90 % (walking); recoverable ones below 95 %"
+    ),
     Benchmark("robot/get_up", "6 min", (), "a robot on its front or back does not get up; a goal outside the envelope"),
     Benchmark("robot/steering", "15 min", (), "a fall; a stick that does not move the robot, a STOP without a stand"),
     Benchmark("robot/course", "15 min", (), "in a minute 10 % off the asked way, 5° off the asked heading; a fall"),

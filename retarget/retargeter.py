@@ -24,6 +24,7 @@ from flexmotion.retarget import balance, posture
 from flexmotion.retarget.arm_cost import ArmTargets
 from flexmotion.retarget.arm_guard import ArmGuard
 from flexmotion.retarget.bend import TrunkBend
+from flexmotion.retarget.capture import CaptureSteps
 from flexmotion.retarget.drafting import CAPPED_DRAFTS, DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, Judged, changeable, effort
@@ -36,7 +37,8 @@ from flexmotion.retarget.restrictions import NO_RESTRICTIONS, Restrictions
 from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
-from flexmotion.retarget.state import RetargetState, StateLayout
+from flexmotion.retarget.state import SETTLED_STEPS, RetargetState, StateLayout
+from flexmotion.retarget.steps import pack_steps
 from flexmotion.retarget.stiffness import LimbStiffness
 from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.swing_check import SwingCheck
@@ -104,6 +106,7 @@ class Retargeter:
         )
         sole = float(robot.sole_half_size[:, 0].min())
         self.walks = WalkPlanner(self.footsteps, absorber, check, sole, self.rate)
+        self.capture = CaptureSteps(self.gait, self.swings, robot.sole_half_size.min(axis=0), self.omega, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.stiffness = LimbStiffness(robot)
         self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
@@ -153,6 +156,16 @@ class Retargeter:
             state: where the stop resumes, at `tick`, (S,).
         """
         return self.walks.stands_at(self.layout.view(state.copy()), tick)
+
+    def answer(self, state: RetargetState, tick: int, error: Float) -> None:
+        """Move the next foothold of a state to where it captures a robot that has been pushed; see `CaptureSteps`.
+
+        Args:
+            state: where a plan resumes at `tick`; it is changed in place.
+            error: divergent component of the robot minus that of the plan, (2,) [m].
+        """
+        steps, moved = self.capture.answer(state.steps.steps(), state.feet, tick, error)
+        state.steps, state.dcm = pack_steps(steps, SETTLED_STEPS), state.dcm + moved
 
     def plan(
         self,

@@ -62,11 +62,25 @@ class Schedule:
         walking = ticks < landed + _CROUCH_AFTER_S * rate
         for step in steps:
             moving = ticks >= step.lift
-            phase = (ticks - step.lift) / (step.land - step.lift)
-            paths[moving, step.side] = swings.path(phase[moving], step.side, step.start, step.target)
+            paths[moving, step.side] = step_path(swings, step, ticks[moving], rate)
             contacts[moving & (ticks < step.land), step.side] = False
             walking |= (ticks >= step.lift - _CROUCH_BEFORE_S * rate) & (ticks < step.land + _CROUCH_AFTER_S * rate)
         return cls(paths, contacts, _load_share(landed, last_stance, steps, ticks, quiet, SHIFT_S * rate), walking)
+
+
+def step_path(swings: Swings, step: Step, ticks: Float, rate: float) -> Float:
+    """Sole centre and yaw at loop ticks from the lift of a step on, (T, 4) [m, m, m, rad].
+
+    Of a step that was changed in the air, what its new path lacked of the old one decays until the foot lands: the
+    quintic that begins with that offset and speed, ends with none, and has no acceleration at either end.
+    """
+    path = swings.path((ticks - step.lift) / (step.land - step.lift), step.side, step.start, step.target)
+    bend, left = step.bend, step.land - step.bend.tick
+    if left <= 0 or not (bend.offset.any() or bend.speed.any()):
+        return path
+    s = np.clip((ticks - bend.tick) / left, 0.0, 1.0)[:, None]
+    path += (1.0 - minimum_jerk(s)) * bend.offset + s * (1.0 - s) ** 3 * (1.0 + 3.0 * s) * (left / rate) * bend.speed
+    return path
 
 
 def _load_share(

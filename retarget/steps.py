@@ -21,6 +21,20 @@ the weight moves."""
 
 
 @dataclass(frozen=True, eq=False)
+class Bend:
+    """What the path of a step lacked of the one before at the tick at which it was changed in the air.
+
+    Attributes:
+        tick: at which it was changed.
+        offset: old path minus new path, (4,) [m, m, m, rad]; speed: of that, (4,) [m/s, rad/s].
+    """
+
+    tick: int = 0
+    offset: Float = field(default_factory=lambda: np.zeros(4))
+    speed: Float = field(default_factory=lambda: np.zeros(4))
+
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """One footstep of the robot, in loop ticks.
 
@@ -33,6 +47,8 @@ class Step:
         inserted: whether the robot corrects its feet by this step, without a step of the human.
         notice_s: how long before its lift the step is settled, so that no later plan delays it [s].
         human: position of the human's foot that the target represents, (2,) [m]; NaN where there is none.
+        shift: how far the target has been moved to capture the robot, (2,) [m]; part of `target`.
+        bend: how its path goes on from the one that the foot was on when the step was changed in the air.
     """
 
     side: int
@@ -45,6 +61,8 @@ class Step:
     inserted: bool = False
     notice_s: float = NOTICE_S
     human: Float = field(default_factory=lambda: np.full(2, np.nan))
+    shift: Float = field(default_factory=lambda: np.zeros(2))
+    bend: Bend = field(default_factory=lambda: Bend())
 
     @property
     def stance(self) -> int:
@@ -74,6 +92,9 @@ class StepRecord(Record):
     inserted: Float = column("f8")
     notice_s: Float = column("f8")
     human: Float = column("f8", 2)
+    shift: Float = column("f8", 2)
+    bend: Float = column("f8", 9)
+    """Tick, offset and speed of `Bend`."""
 
     def steps(self) -> list[Step]:
         """The steps of a row of records, in order, as copies; unused rows are left out. `dropped` is not stored."""
@@ -90,6 +111,8 @@ class StepRecord(Record):
             inserted=bool(self.inserted),
             notice_s=float(self.notice_s),
             human=self.human.copy(),
+            shift=self.shift.copy(),
+            bend=Bend(int(self.bend[0]), self.bend[1:5].copy(), self.bend[5:].copy()),
         )
 
 
@@ -108,5 +131,6 @@ def pack_steps(steps: Sequence[Step], rows: int | None = None) -> StepRecord:
     dtype = StepRecord.dtype()
     packed = np.full((count, dtype.itemsize // 8), -1.0).view(dtype)[:, 0]
     for row, step in enumerate(steps):
-        packed[row] = tuple(getattr(step, name) for name in StepRecord.names())
+        bend = np.concatenate([[step.bend.tick], step.bend.offset, step.bend.speed])
+        packed[row] = tuple(bend if name == "bend" else getattr(step, name) for name in StepRecord.names())
     return StepRecord(packed)

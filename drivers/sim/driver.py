@@ -19,7 +19,7 @@ from flexmotion.drivers.sim.false_state import falsify
 from flexmotion.drivers.sim.goal_line import GoalLine
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
-from flexmotion.drivers.sim.options import BUS_S, SimOptions
+from flexmotion.drivers.sim.options import BUS_S, Push, SimOptions
 from flexmotion.drivers.sim.process import SimProcess
 from flexmotion.drivers.sim.pushes import PushSchedule
 from flexmotion.drivers.sim.world import HOLDER, build_model, start_qpos
@@ -205,6 +205,15 @@ class SimDriver(LockstepDriver):
             self._free[joint] = float(model.dof_frictionloss[dof]), model.dof_solimp[dof].copy()
         blocked = BLOCKED_SHARE * float(self.robot.stall_torque[joint]), BLOCKED_IMPEDANCE
         model.dof_frictionloss[dof], model.dof_solimp[dof] = blocked if on else self._free[joint]
+
+    def push(self, impulse: tuple[float, float, float], seconds: float) -> None:
+        """Push the torso from now on.
+
+        Args:
+            impulse: in the world frame [N·s].
+            seconds: over which it is spread [s].
+        """
+        self._pushes.add(Push(at=self.time, impulse=impulse, duration=seconds))
 
     def damp(self) -> None:
         """Pin the goals and lower gain and voltage (see `ServoPlant.damp`)."""

@@ -36,6 +36,10 @@ class PushSchedule:
             self._force += force
         return self._force
 
+    def add(self, push: Push) -> None:
+        """Add a push to those that are still to come."""
+        self._pending = sorted([*self._pending, push], key=lambda one: one.at, reverse=True)
+
     def _start_due(self, step: int) -> None:
         while self._pending and self._step_of(self._pending[-1].at) <= step:
             self._start(self._pending.pop(), step)

@@ -32,6 +32,7 @@ from flexmotion.streamer.control.servo_command import ServoCommand
 from flexmotion.streamer.control.stabiliser import Stabiliser
 from flexmotion.streamer.control.start_check import why_not_arm, why_not_get_up
 from flexmotion.streamer.control.suspension import Suspension
+from flexmotion.streamer.control.swing_level import SwingLevel
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.control.tick_row import REPAIRS
 
@@ -88,6 +89,7 @@ class ControlLoop:
         self.estimator = Estimator(robot, retargeter.omega)
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
+        self.level = SwingLevel(robot, retargeter, enabled=feedback)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
@@ -377,6 +379,11 @@ class ControlLoop:
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None
         np.copyto(self._load, self.now.torque if playback is Playback.GET_UP else self._torque())
+        if plan is None:
+            self.level.reset()
+        elif self.level.update(self.estimator, self.now, hung=self.suspension.hung):
+            self.ahead.q += self.level.offset
+            self.ahead.qd += self.level.speed
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True

@@ -12,6 +12,7 @@ from flexmotion.streamer.planning.lead import Kind
 from flexmotion.streamer.planning.made_plans import MadePlans
 from flexmotion.streamer.planning.mirroring import Mirroring
 from flexmotion.streamer.planning.part_targets import PartTargets
+from flexmotion.streamer.planning.push_watch import PushWatch
 from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
@@ -25,6 +26,7 @@ class Records(Protocol):
     ledger: TargetLedger
     parts: PartTargets
     restrictions: RestrictionTargets
+    push: PushWatch
 
 
 class DuePlan:
@@ -85,7 +87,7 @@ class DuePlan:
             return not (ticket.stops or row.plan_over) or (over and not ticket.source_over)
         if ticket.partial or (self.mirroring is not None and self.mirroring.fresh):
             return True
-        return not ticket.source_over and self._goes_on(row)
+        return not ticket.source_over and (self.records.push.sway is not None or self._goes_on(row))
 
     def kind(self, row: TickRow, target: Target) -> Kind:
         """The kind of plan that is due; arguments of `now`."""

@@ -75,6 +75,13 @@ class MadePlans:
         angles: NDArray[np.float64] = plan.q[min(max(tick - plan.start_tick, 0), len(plan) - 1)]
         return angles
 
+    def lands_in(self, row: TickRow) -> int:
+        """Ticks until the foot in the air lands, by the plan that plays; 0: both stand, or the plan is not known."""
+        plan = self.plan(int(row.plan))
+        if plan is None or row.contact_ref.all():
+            return 0
+        return int(np.argmax(plan.contacts[max(int(row.tick) - plan.start_tick, 0) :].all(axis=1)))
+
     def start_of(self, row: TickRow, target: int) -> int:
         """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
         plan = self.plan(int(row.plan) if int(row.target) >= target else int(row.pending))

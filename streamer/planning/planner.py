@@ -62,6 +62,7 @@ class Planner:
         parts: PartGoals = NO_PARTS,
         restrictions: Restrictions = NO_RESTRICTIONS,
         drift: float = np.nan,
+        sway: NDArray[np.float64] | None = None,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
     ) -> Planned:
@@ -74,6 +75,8 @@ class Planner:
             exact: the feet turn to where the human looks by small steps too.
             parts, restrictions: see `Retargeter.plan`.
             drift: how far the robot has turned beyond its plans, up to a constant [rad]; NaN: not known.
+            sway: divergent component of the robot minus that of its plan, which moves the next foothold, (2,) [m];
+                None: none that is to be answered.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
                 which the plan joins in fact, not before `join`, and the plan that plays until then. None: as given.
@@ -105,6 +108,8 @@ class Planner:
             motion = take_over(current.human, current.human_first_frame, motion, first, self._blend_frames)
         state = state.copy()
         follow_drift(retargeter.layout.view(state), drift)
+        if sway is not None:
+            retargeter.answer(retargeter.layout.view(state), join, sway)
         plan = retargeter.plan(
             state,
             motion,

@@ -35,6 +35,7 @@ from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.mirroring import Mirroring
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.push_watch import PushWatch
 from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_turns import SourceTurns
@@ -68,7 +69,7 @@ class Replanner:
         turns: of the driver, ticks within which every joint is read once.
 
     Attributes:
-        ledger, parts, restrictions: what operators ask for; made: the plans.
+        ledger, parts, restrictions: what operators ask for; made: the plans; push: whether the robot was pushed.
         follows_targets: whether the source follows targets.
         gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
@@ -109,6 +110,7 @@ class Replanner:
             on_part=self._take_part,
         )
         self._drift = HeadingDrift(planner.rate)
+        self.push = PushWatch(planner.rate, turns)
         self.follows_targets = isinstance(planner.source, LiveSource)
         self._succeeds = self.gave_up = False
         self.made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
@@ -158,6 +160,7 @@ class Replanner:
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         self._drift.update(row)
+        self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
@@ -203,6 +206,7 @@ class Replanner:
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
                 restrictions=self.restrictions.restrictions,
                 drift=self._drift.value + (0.0 if self._runner is None else self._runner.aside),
+                sway=self.push.sway if kind is Kind.WHOLE else None,
                 checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
                 settle=None if self._lockstep else settle,
             )

@@ -21,7 +21,7 @@ def test_fields_fill_the_vector_in_the_order_that_logs_were_written_with() -> No
     read = [np.asarray(value).view(np.float64).ravel() for _, value in LAYOUT.view(vector)]
     assert list(RetargetState.names()) == ORDER
     np.testing.assert_array_equal(np.concatenate(read), vector)
-    assert LAYOUT.size == 187 + 8 * 12 + 2
+    assert LAYOUT.size == 187 + SETTLED_STEPS * 11 + 8 * 12 + 2
 
 
 def test_many_states_are_written_row_by_row_or_where_marked() -> None:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from flexmotion.retarget.state import SETTLED_STEPS
-from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Step, pack_steps, settled_from
+from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Bend, Step, pack_steps, settled_from
 
 RATE = 125
 STEPS = [
     Step(0, 100, 150, np.arange(4.0), np.arange(4.0) + 1, 2.5, notice_s=0.45, human=np.array([0.3, -0.1])),
-    Step(1, 160, 210, np.arange(4.0) - 1, np.arange(4.0) + 2, 3.5, inserted=True),
-    Step(0, 220, 270, np.zeros(4), np.ones(4), 4.5),
+    Step(1, 160, 210, np.arange(4.0) - 1, np.arange(4.0) + 2, 3.5, inserted=True, shift=np.array([0.02, -0.01])),
+    Step(0, 220, 270, np.zeros(4), np.ones(4), 4.5, bend=Bend(240, np.arange(4.0), np.arange(4.0) - 2)),
 ]
 
 
@@ -22,6 +22,10 @@ def assert_equal(one: list[Step], other: list[Step]) -> None:
         np.testing.assert_array_equal(a.start, b.start)
         np.testing.assert_array_equal(a.target, b.target)
         np.testing.assert_array_equal(a.human, b.human)
+        np.testing.assert_array_equal(a.shift, b.shift)
+        assert a.bend.tick == b.bend.tick
+        np.testing.assert_array_equal(a.bend.offset, b.bend.offset)
+        np.testing.assert_array_equal(a.bend.speed, b.bend.speed)
 
 
 @pytest.mark.parametrize("count", range(SETTLED_STEPS + 1))
@@ -33,8 +37,8 @@ def test_steps_survive_packing(count: int) -> None:
 
 def test_a_packed_step_is_the_row_of_numbers_that_logs_hold() -> None:
     packed = pack_steps(STEPS[:1], 2)
-    row = [0, 100, 150, *range(4), *range(1, 5), 2.5, 0, 0.45, 0.3, -0.1]
-    np.testing.assert_array_equal(packed.array.view(np.float64).reshape(2, -1), [row, [-1] * 16])
+    row = [0, 100, 150, *range(4), *range(1, 5), 2.5, 0, 0.45, 0.3, -0.1, *[0] * 11]
+    np.testing.assert_array_equal(packed.array.view(np.float64).reshape(2, -1), [row, [-1] * 27])
 
 
 def test_more_steps_than_fit_are_refused() -> None:

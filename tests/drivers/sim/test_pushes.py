@@ -39,3 +39,17 @@ def test_random_pushes_come_regularly_and_by_seed() -> None:
     assert np.linalg.norm(first) == pytest.approx(0.3)
     np.testing.assert_array_equal(first, impulse(options, 120))
     assert not np.array_equal(first, impulse(options, 120, seed=1))
+
+
+def test_a_push_can_be_added_while_the_robot_runs() -> None:
+    schedule = PushSchedule(
+        SimOptions(pushes=(Push(at=0.4, impulse=(1, 0, 0), duration=0.01),)), np.random.default_rng(0)
+    )
+    assert all(schedule.force(step) is None for step in range(50))
+    schedule.add(Push(at=0.1, impulse=(0, 2, 0), duration=0.01))
+    found = np.zeros((160, 3))
+    for step in range(50, 210):
+        force = schedule.force(step)
+        found[step - 50] = 0.0 if force is None else force * 0.002
+    np.testing.assert_allclose(found[:10].sum(axis=0), [0, 2, 0])
+    np.testing.assert_allclose(found[10:].sum(axis=0), [1, 0, 0])  # the one from before still comes

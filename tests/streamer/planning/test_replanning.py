@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,8 +58,9 @@ class Bench:
             lockstep=lead is None,
         )
 
-    def publish_row(self, tick: int, **fields: int) -> None:
-        usual = {"state": State.READY, "ready": True, "plan": 0, "pending": 0, "target": 0, "must_stop": False}
+    def publish_row(self, tick: int, **fields: Any) -> None:
+        usual: dict[str, Any] = {"state": State.READY, "ready": True, "must_stop": False}
+        usual |= {"plan": 0, "pending": 0, "target": 0}
         for name, value in {**usual, "tick": tick, "offer": self.plans.newest_id, **fields}.items():
             getattr(self.telemetry.row, name)[...] = value
         self.telemetry.commit()
@@ -100,6 +102,32 @@ def test_the_next_plan_comes_after_a_quarter_second_and_not_while_one_waits(benc
     assert (bench.newest().resumed, bench.newest().partial) == (1, False)
     bench.publish_row(132, state=State.STREAMING, plan=1, pending=2)
     assert not bench.replanner.step(133)
+
+
+def test_a_push_of_a_robot_on_one_foot_is_answered_before_the_next_plan_is_due(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench.replanner.made, "lands_in", lambda _row: 30)
+    swayed = {"state": State.STREAMING, "plan": 1, "contact_ref": (False, True), "dcm_ref": (0.0, 0.0)}
+    bench.first()
+    bench.publish_row(110, **swayed, dcm=(0.03, 0.0))
+    assert not bench.replanner.step(111)  # one row alone may be a lie
+    bench.publish_row(111, **swayed, dcm=(0.03, 0.0))
+    assert bench.replanner.step(112)
+    assert (bench.newest().resumed, bench.newest().stops) == (1, False)
+    bench.publish_row(112, **swayed, dcm=(0.03, 0.0), pending=2)
+    assert not bench.replanner.step(113)  # not while one waits
+
+
+def test_a_push_makes_no_plan_of_a_robot_that_must_stop(bench: Bench) -> None:
+    bench.first()
+    bench.publish_row(110, state=State.STREAMING, plan=1, must_stop=True)
+    assert bench.replanner.step(111)
+    assert bench.newest().stops
+    for tick in (120, 121, 122):
+        fields = {"contact_ref": (False, True), "dcm_ref": (0.0, 0.0), "dcm": (0.05, 0.0)}
+        bench.publish_row(tick, state=State.STREAMING, plan=2, must_stop=True, **fields)
+        assert not bench.replanner.step(tick + 1)
 
 
 def test_a_refused_plan_is_made_again_at_once(bench: Bench) -> None:

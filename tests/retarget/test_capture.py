@@ -1,0 +1,182 @@
+"""Footholds after pushes: none without an error, within reach, never across the other foot, and smooth in the air."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.human.motion import Motion
+from flexmotion.retarget.capture import DEAD_M, CaptureSteps
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.schedule import step_path
+from flexmotion.retarget.steps import Step
+
+RETARGETER = Retargeter(load_robot("op3"), load_stream())
+CAPTURE: CaptureSteps = RETARGETER.capture
+GAIT, RATE, OMEGA = RETARGETER.gait, RETARGETER.rate, RETARGETER.omega
+WIDTH = RETARGETER.body.stand_width
+LIFT, LAND = 100, 152
+errors = st.tuples(st.floats(-0.14, 0.14), st.floats(-0.14, 0.14))
+
+
+def walking(side: int = 0, yaw: float = 0.0, ahead: float = 0.06) -> tuple[list[Step], np.ndarray]:
+    """A foot that swings past the other one, the next step after it, and the feet before both."""
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    across = WIDTH if side == 0 else -WIDTH
+
+    def pose(x: float, y: float) -> np.ndarray:
+        return np.array([*(turn @ [x, y]), 0.0, yaw])
+
+    feet = np.zeros((2, 4))
+    feet[side], feet[1 - side] = pose(-ahead, across), pose(0.0, 0.0)
+    first = Step(side, LIFT, LAND, feet[side].copy(), pose(ahead, across), 1.0)
+    then = Step(1 - side, LAND + 10, LAND + 62, feet[1 - side].copy(), pose(2 * ahead, 0.0), 2.0)
+    return [first, then], feet
+
+
+def place(step: Step, stance: np.ndarray) -> np.ndarray:
+    """A foothold in the frame of the other foot: ahead, and aside away from it [m]."""
+    away = 1.0 if step.side == 0 else -1.0
+    cos, sin = np.cos(stance[3]), np.sin(stance[3])
+    dx, dy = step.target[:2] - stance[:2]
+    return np.array([cos * dx + sin * dy, away * (cos * dy - sin * dx)])
+
+
+@pytest.mark.parametrize("error", [(0.0, 0.0), (DEAD_M, 0.0), (0.0, -DEAD_M), (np.nan, 0.05)])
+def test_without_an_error_to_speak_of_nothing_moves(error: tuple[float, float]) -> None:
+    steps, feet = walking()
+    found, moved = CAPTURE.answer(steps, feet, 115, np.array(error))
+    assert found is steps and not moved.any()
+
+
+def test_a_robot_that_stands_has_no_foothold_to_move() -> None:
+    found, moved = CAPTURE.answer([], walking()[1], 115, np.array([0.1, 0.1]))
+    assert found == [] and not moved.any()
+
+
+@pytest.mark.parametrize("error", [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.03)])
+def test_the_foot_lands_where_the_robot_falls_to_and_later_steps_go_on_from_there(error: tuple[float, float]) -> None:
+    steps, feet = walking()
+    found, moved = CAPTURE.answer(steps, feet, 110, np.array(error))
+    shift = found[0].target[:2] - steps[0].target[:2]
+    assert shift @ error > 0.5 * np.hypot(*shift) * np.hypot(*error)
+    np.testing.assert_allclose(found[0].shift, shift)
+    np.testing.assert_allclose(found[1].target[:2] - steps[1].target[:2], shift)
+    # The plan's divergent component moves by what makes the robot stand over the new foothold when the foot lands.
+    np.testing.assert_allclose(moved, shift * np.exp(-OMEGA * (LAND - 110) / RATE))
+
+
+@given(
+    error=errors,
+    side=st.sampled_from([0, 1]),
+    yaw=st.floats(-3.0, 3.0),
+    tick=st.integers(LIFT - 20, LAND + 5),
+    ahead=st.floats(-0.11, 0.11),
+)
+@example(error=(0.0, -0.14), side=0, yaw=0.0, tick=105, ahead=0.0)
+def test_no_error_takes_a_foot_out_of_reach_or_across_the_other(
+    error: tuple[float, float], side: int, yaw: float, tick: int, ahead: float
+) -> None:
+    steps, feet = walking(side, yaw, ahead)
+    found, moved = CAPTURE.answer(steps, feet, tick, np.array(error))
+    before, after = (place(step, feet[1 - side]) for step in (steps[0], found[0]))
+    low, high = np.minimum(CAPTURE.nearest, before), np.maximum(CAPTURE.farthest, before)
+    assert (after >= low - 1e-9).all() and (after <= high + 1e-9).all()
+    assert after[1] >= min(before[1], GAIT.lateral[0]) - 1e-9
+    assert np.hypot(*(found[0].target - steps[0].target)[:2]) <= 0.5 * max(LAND - tick, 0) / RATE + 1e-9
+    assert np.hypot(*moved) <= np.hypot(*error) + 1e-9
+    assert [(step.side, step.lift, step.land) for step in found] == [
+        (step.side, step.lift, step.land) for step in steps
+    ]
+
+
+@given(error=errors, tick=st.integers(LIFT - 10, LIFT + 25))
+def test_a_robot_that_is_answered_again_and_again_settles_on_one_foothold(
+    error: tuple[float, float], tick: int
+) -> None:
+    """The plan has moved toward the robot, so the same robot is nearer to it: no foothold may creep away."""
+    steps, feet = walking()
+    left, ways = np.array(error), []
+    for _ in range(12):
+        before = steps[0].target
+        steps, moved = CAPTURE.answer(steps, feet, tick, left)
+        left = left - moved
+        ways.append(float(np.hypot(*(steps[0].target - before)[:2])))
+    assert ways[-1] <= 1.5e-3
+    within = place(steps[0], feet[1])
+    assert (within >= CAPTURE.nearest - 1e-9).all() and (within <= CAPTURE.farthest + 1e-9).all()
+
+
+@pytest.mark.parametrize("error", [(0.025, 0.0), (-0.02, 0.02)])
+def test_an_error_within_reach_moves_nothing_twice(error: tuple[float, float]) -> None:
+    steps, feet = walking()
+    once, moved = CAPTURE.answer(steps, feet, 110, np.array(error))
+    again, more = CAPTURE.answer(once, feet, 110, np.array(error) - moved)
+    assert moved.any() and not more.any() and again is once
+
+
+def test_a_foothold_moves_back_when_the_error_is_gone() -> None:
+    steps, feet = walking()
+    away, moved = CAPTURE.answer(steps, feet, 110, np.array([0.03, 0.02]))
+    back, _ = CAPTURE.answer(away, feet, 110, -moved)
+    np.testing.assert_allclose(back[0].target, steps[0].target, atol=1e-9)
+
+
+@given(error=errors, side=st.sampled_from([0, 1]), tick=st.integers(LIFT + 1, LAND - 13), ahead=st.floats(-0.1, 0.1))
+def test_a_foot_in_the_air_goes_on_from_where_it_is_as_fast_as_it_is(
+    error: tuple[float, float], side: int, tick: int, ahead: float
+) -> None:
+    steps, feet = walking(side, 0.3, ahead)
+    found, _ = CAPTURE.answer(steps, feet, tick, np.array(error))
+    at = tick + np.array([0.0, 0.01])
+    before, after = (step_path(RETARGETER.swings, step, at, RATE) for step in (steps[0], found[0]))
+    np.testing.assert_allclose(after[0], before[0], atol=1e-9)
+    # Within what the shapes of the paths, which are kept at 129 phases, bend in a tick.
+    np.testing.assert_allclose((after - before)[1] / (0.01 / RATE), np.zeros(4), atol=0.02)
+    landed = step_path(RETARGETER.swings, found[0], np.array([float(LAND), LAND + 3.0]), RATE)
+    np.testing.assert_allclose(landed, np.tile(found[0].target, (2, 1)), atol=1e-9)
+
+
+def mid_swing(walk: Motion) -> tuple[Plan, int]:
+    """A plan of a walk, and a tick of it at which a foot has just left the ground."""
+    plan = RETARGETER.plan(RETARGETER.standing(), walk[:60], 0, 0)
+    return plan, next(step for step in plan.steps).lift + 8
+
+
+def test_the_next_plan_goes_on_from_the_moved_foothold(walk: Motion) -> None:
+    plan, tick = mid_swing(walk)
+    state = plan.states[tick].copy()
+    view = RETARGETER.layout.view(state)
+    settled = view.steps.steps()[0]
+    RETARGETER.answer(view, tick, np.array([0.035, 0.0]))
+    first = RETARGETER.next_frame(state, tick, walk.fps)
+    after = RETARGETER.plan(state, walk[first : first + 40], first, tick)
+    moved = after.feet[settled.land - tick + 1, settled.side] - settled.target
+    assert moved[0] > 0.01 and abs(moved[1]) < 1e-3
+    # Every later plan stands on it: its state says so, whatever plan it resumes.
+    row = settled.land - tick + 2
+    kept = RETARGETER.layout.view(after.states[row].copy()).feet[settled.side]
+    np.testing.assert_allclose(kept, settled.target + moved, atol=1e-9)
+    # Joints do not jump where it takes over.
+    assert np.abs(after.q[0] - plan.q[tick]).max() < 0.01
+    assert np.isfinite(after.torque).all()
+
+
+def test_an_answer_of_nothing_leaves_a_plan_as_it_was(walk: Motion) -> None:
+    plan, tick = mid_swing(walk)
+    state = plan.states[tick].copy()
+    RETARGETER.answer(RETARGETER.layout.view(state), tick, np.zeros(2))
+    np.testing.assert_array_equal(state, plan.states[tick])
+
+
+def test_a_landed_foot_is_past_moving() -> None:
+    steps, feet = walking()
+    late, moved = CAPTURE.answer([replace(steps[0], land=115)], feet, 110, np.array([0.05, 0.0]))
+    assert not moved.any() and (late[0].target == steps[0].target).all()
