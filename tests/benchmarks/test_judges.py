@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.model.prompts import CHECKS
+from benchmarks.model.prompts import CHECKS, judged_shares
 from benchmarks.robot.prompts import RULES
 from benchmarks.shared.gesture_judges import GESTURE_CHECKS
 from benchmarks.shared.judges import at_least, confuses_sides, frame_velocities, reversals, understood, waves
@@ -70,3 +70,15 @@ def test_kinds_of_untaught_sentences_exist() -> None:
     from benchmarks.model.hearing import untaught_sentences
 
     assert set(untaught_sentences()) <= {*kinds(), NOTHING}
+
+
+def test_kinds_that_a_bundle_refuses_do_not_count_against_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """The shipped bundle failed by clapping, which it refuses by name: the kept figure was of the bundle before."""
+    shares = {"walk": 1.0, "bow": 0.95, "clap": 0.07}
+    assert [verdict.holds for verdict in judged_shares(shares, ["walk", "bow"], 20, 1000).verdicts] == [True, True]
+    assert "not offered, 1: clap (7 %)" in capsys.readouterr().out
+    assert [verdict.holds for verdict in judged_shares(shares, list(shares), 20, 1000).verdicts] == [False, False]
+    assert [one.holds for one in judged_shares({"walk": 1.0, "bow": 0.84}, ["walk", "bow"], 20, 0).verdicts] == [
+        False,
+        False,
+    ]
