@@ -100,6 +100,7 @@ class ControlLoop:
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.get_up = GetUpMove(robot)
         self._uncapped = np.full(robot.n, np.inf)
+        self._moving = np.zeros(robot.n)  # scratch: the reference with the levelled leg
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
@@ -192,7 +193,7 @@ class ControlLoop:
         late = self.tick_count - self._last_tick > _LATE_TICKS  # the servos have held their goals meanwhile
         self.plausibility.check(
             self.state,
-            self.now.qd,
+            np.add(self.now.qd, self.level.speed, out=self._moving),
             self.tick_count,
             powered=powered,
             limp=self.joints.limp,
@@ -413,7 +414,8 @@ class ControlLoop:
             torque[suspension.legs] = 0.0
             return torque
         self.stabiliser.update(self.estimator, now)
-        self.load.update(now.q, measured.position, now.torque)
+        # The leg in the air is not where the plan has it, and does not sag by that.
+        self.load.update(np.add(now.q, self.level.offset, out=self._moving), measured.position, now.torque)
         return self.load.factor * self.ahead.torque + self.stabiliser.torque
 
     def _write_row(self, playback: Playback) -> None:
@@ -434,7 +436,7 @@ class ControlLoop:
         writer.write_plan(intake.playing)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
-        writer.write_reference(now, self.command, self.servo.softness)
+        writer.write_reference(now, self.command, self.servo.softness, self.level)
         if now.balanced:
             writer.write_balance(now, self.estimator, self.stabiliser)
         if intake.plan is not None and playback is Playback.PLAN:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.drivers.simulated import SimulatedDriver, simulated
@@ -14,6 +16,7 @@ from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.reference import Reference
 from flexmotion.streamer.control.soft_following import SoftFollowing
 from flexmotion.streamer.control.stabiliser import Stabiliser
+from flexmotion.streamer.control.swing_level import SwingLevel
 from flexmotion.streamer.control.tick_row import REPAIRS, TickRow
 
 
@@ -82,11 +85,15 @@ class RowWriter:
         row.tick[...], row.state[...], row.tilt[...] = tick, state, estimator.tilt
         row.contact_ref[...] = False
 
-    def write_reference(self, now: Reference, command: JointCommand, softness: SoftFollowing) -> None:
-        """Reference and goals, while torque is on."""
+    def write_reference(
+        self, now: Reference, command: JointCommand, softness: SoftFollowing, level: SwingLevel
+    ) -> None:
+        """Reference, that of the leg in the air as levelled, and goals, while torque is on."""
         row = self.row
         row.q_cmd[...], row.stiffness[...] = command.position, softness.share
-        row.q_ref[...], row.qd_ref[...], row.torque_ref[...] = now.q, now.qd, now.torque
+        np.add(now.q, level.offset, out=row.q_ref)
+        np.add(now.qd, level.speed, out=row.qd_ref)
+        row.torque_ref[...] = now.torque
 
     def write_balance(self, now: Reference, estimator: Estimator, stabiliser: Stabiliser) -> None:
         """Planned and estimated balance, while a plan plays."""

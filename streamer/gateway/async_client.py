@@ -216,7 +216,7 @@ class AsyncClient(Messages):
             async with asyncio.timeout(patience_s), self._news:
                 while (ended := self._ended.of(target)) is None:
                     if self._gone:
-                        raise self.failed(ConnectionResetError("the run closed the connection"))
+                        raise self._failed or self.failed(ConnectionResetError("the run closed the connection"))
                     await self._news.wait()
         except TimeoutError:
             raise GatewayError(f"target {target} has not ended within {patience_s:g} s") from None
@@ -244,6 +244,7 @@ class AsyncClient(Messages):
                 waiting = None if answer is None or answer.id is None else self._waiting.get(answer.id)
                 if waiting is not None and not waiting.done():
                     assert answer is not None
+                    self._ended.take(answer)
                     waiting.set_result(answer)
         except WebSocketException:
             pass  # those that wait are told below

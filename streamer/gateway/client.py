@@ -52,7 +52,7 @@ class Client(Messages):
 
     _socket: Any = None
     _open: ExitStack
-    _ended: Ends
+    _ended: Ends = Ends()
 
     def __enter__(self) -> Self:
         self._connect()
@@ -211,6 +211,7 @@ class Client(Messages):
                 if isinstance(answer, Ended):
                     self._ended.add(answer)
                 elif answer is not None and answer.id == identity:
+                    self._ended.take(answer)
                     return answer
         except (OSError, WebSocketException, ValueError) as error:
             self.close()
@@ -237,7 +238,9 @@ class Client(Messages):
                 found = answer_in(self._socket.recv(left_s))
                 if isinstance(found, Ended):
                     self._ended.add(found)
-        except TimeoutError:
+        except TimeoutError as error:
+            if patience_s is None:  # of the connection itself
+                raise self.failed(error) from error
             raise GatewayError(f"target {target} has not ended within {patience_s:g} s") from None
         except (OSError, WebSocketException, ValueError) as error:
             self.close()

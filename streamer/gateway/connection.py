@@ -238,20 +238,32 @@ def kill_content(confirm: str) -> dict[str, Any]:
 
 
 class Ends:
-    """The newest ends of targets that a run has told, by number."""
+    """The ends of the newest targets of one connection, by number."""
 
     def __init__(self) -> None:
-        self._told: OrderedDict[int, Ended] = OrderedDict()
+        self._told: OrderedDict[int, Ended | None] = OrderedDict()
+
+    def take(self, answer: Answer) -> None:
+        """Expect the end of a target that was answered; the oldest beyond `_ENDS` is forgotten."""
+        if answer.target is not None:
+            self._told.setdefault(answer.target, None)
+            while len(self._told) > _ENDS:
+                self._told.popitem(last=False)
 
     def add(self, ended: Ended) -> None:
-        """Keep one; the oldest beyond `_ENDS` is forgotten."""
-        self._told[ended.target] = ended
-        while len(self._told) > _ENDS:
-            self._told.popitem(last=False)
+        """Keep the end of a target."""
+        if ended.target in self._told:
+            self._told[ended.target] = ended
 
     def of(self, target: int) -> Ended | None:
-        """The end of a target; None: not told yet."""
-        return self._told.get(target)
+        """The end of a target; None: not told yet.
+
+        Raises:
+            GatewayError: it was not asked for on this connection, to which alone its end is told, or long ago.
+        """
+        if target not in self._told:
+            raise GatewayError(f"target {target} is none of the newest {_ENDS} of this connection: its end is not told")
+        return self._told[target]
 
 
 def awaited(answer: Answer) -> int:

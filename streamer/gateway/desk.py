@@ -66,6 +66,8 @@ _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 """An emergency depends on no order of arrival, and not on two clocks that agree."""
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
+_STANDS_AFTER = {"clip", "stop"}
+"""Words of targets that end in a stand and have no measured steps."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 
 
@@ -286,6 +288,8 @@ class Desk:
                 self.following = replace(self.following, last=last)
                 if last is not None and last.end is not None:
                     self.following = self.following.ended(last.end)
+                elif heard.state == "refused":  # given up: its plan would pass the servos' envelope
+                    self.following = self.following.ended("stopped")
             return
         told = self._reply(
             asked,
@@ -340,6 +344,12 @@ class Desk:
                         self._reply(asked, "accepted", tick=event.tick)
         if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
             self._follow(None, "stopped")
+        elif row is not None and self.following is not None and State(int(row.state)) is State.HOLD:
+            # It stands, though a target was followed: one that leads to a stand is done, others were given up, such as
+            # those of a planner that was started again.
+            tick, stands = self.following.answer.tick, self.following.asked.keys() & _STANDS_AFTER
+            if tick is not None and int(row.tick) > tick:
+                self.following = self.following.ended("done" if stands else "stopped")
         for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)

@@ -80,7 +80,9 @@ class MadePlans:
         plan = self.plan(int(row.plan))
         if plan is None or row.contact_ref.all():
             return 0
-        return int(np.argmax(plan.contacts[max(int(row.tick) - plan.start_tick, 0) :].all(axis=1)))
+        # A robot that is frozen on one foot has come past the end of its plan: nothing lands any more.
+        stands = plan.contacts[max(int(row.tick) - plan.start_tick, 0) :].all(axis=1)
+        return int(np.argmax(stands)) if stands.any() else 0
 
     def start_of(self, row: TickRow, target: int) -> int:
         """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""

@@ -46,6 +46,7 @@ class PushWatch:
         self._turns = turns
         self._every = round(_EVERY_S * rate_hz)
         self._last, self._seen, self._tick = np.zeros(2), 0, -1
+        self._doubted = 0  # readings that were not believed, as of the newest row
         self._lifted, self._stood = round(_LIFTED_S * rate_hz), 0
         self._lands = round(_LANDS_S * rate_hz)
         self.sway: Float | None = None
@@ -62,7 +63,8 @@ class PushWatch:
             error = row.dcm - row.dcm_ref
             if row.contact_ref.all():
                 self._stood = tick
-            swayed = self._measured(row) and _LEAST_M < math.hypot(*error) < _MOST_M
+            doubted, self._doubted = int(row.disbelieved) != self._doubted, int(row.disbelieved)
+            swayed = self._measured(row) and not doubted and _LEAST_M < math.hypot(*error) < _MOST_M
             agrees = self._seen > 0 and math.hypot(*(error - self._last)) <= _AGREE_M
             self._seen = (self._seen + 1 if agrees else 1) if swayed else 0
             self._last, self._tick = error.copy(), tick

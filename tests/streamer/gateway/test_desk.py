@@ -93,6 +93,32 @@ def test_a_target_ends_by_the_next_one_by_its_time_and_by_a_stop(make_office: Ma
     assert [ended.end for ended in third] == ["stopped"] and len(second) == 1
 
 
+@pytest.mark.parametrize(
+    ("message", "end"),
+    [(WAVE, "stopped"), ('{"type":"clip","clip":"bow"}', "done"), ('{"type":"hold"}', "done")],
+)
+def test_a_robot_that_stands_follows_nothing_any_more(make_office: Make, message: str, end: str) -> None:
+    """Who waited for a clip, or for a target that a restarted planner had lost, waited for ever."""
+    office = make_office()
+    _, ends = told_ends(office, message)
+    office.run.state = State.HOLD
+    office.desk.pump()
+    assert ends == [], "the row of the moment in which it was accepted may be of before"
+    for _ in range(3):
+        office.run.step()
+        office.desk.pump()
+    assert [ended.end for ended in ends] == [end]
+
+
+def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:
+    """A walk beyond the servos' envelope was answered "refused" by a later version, and its sender was told nothing."""
+    office = make_office()
+    number, ends = told_ends(office, WAVE)
+    office.run.heard.publish(Heard(id=number, asked="?", state="refused", reason="beyond the envelope"))
+    office.desk.pump()
+    assert [ended.end for ended in ends] == ["stopped"]
+
+
 def test_a_target_that_is_not_followed_and_one_for_a_part_have_no_end(make_office: Make, clock: Clock) -> None:
     office, ends = make_office(), []
     for message in (WAVE, '{"type":"look","direction":[1,0,0],"ttl_s":2.0}'):

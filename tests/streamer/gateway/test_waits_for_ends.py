@@ -87,6 +87,22 @@ def test_who_waits_is_told_that_the_run_has_gone(begin: Begin, answering: Answer
     asyncio.run(ask())
 
 
+def test_a_client_that_has_connected_anew_does_not_wait_for_a_target_of_before(
+    begin: Begin, answering: Answers
+) -> None:
+    """It waited for ever: the end is told to the old connection; of another run it took that of the same number."""
+    gateway = begin()
+    answering(gateway.requests)
+    with Client(port=gateway.port) as client:
+        answer = client.text("walk")
+        client.close()
+        with pytest.raises(GatewayError, match="none of the newest 256 of this connection|is closed"):
+            client.wait(answer)
+        assert client.text("wave").state == "accepted"
+        with pytest.raises(GatewayError, match="none of the newest 256 of this connection"):
+            client.wait(answer)
+
+
 def test_a_connection_that_did_not_ask_for_ends_gets_answers_alone(begin: Begin, answering: Answers) -> None:
     gateway = begin()
     answering(gateway.requests)

@@ -64,6 +64,12 @@ def test_without_its_conditions_nothing_is_answered(fields: dict[str, Any]) -> N
     assert seen(row(100, **fields), row(101, **fields)).sway is None
 
 
+def test_rows_of_readings_that_were_not_believed_are_not_followed() -> None:
+    """Held values of a gyro that lies agree with each other for five rows, before it counts as stale."""
+    assert seen(row(100), row(101, disbelieved=1), row(102, disbelieved=2), row(103, disbelieved=3)).sway is None
+    assert seen(row(100, disbelieved=3), row(101, disbelieved=3), row(102, disbelieved=3)).sway is not None
+
+
 def test_joints_that_are_read_in_turns_are_known_all_the_same() -> None:
     watch = PushWatch(RATE, 2)
     for tick in (100, 101):

@@ -119,6 +119,18 @@ def test_a_push_of_a_robot_on_one_foot_is_answered_before_the_next_plan_is_due(
     assert not bench.replanner.step(113)  # not while one waits
 
 
+def test_a_robot_that_is_frozen_on_one_foot_is_watched_past_the_end_of_its_plan(bench: Bench) -> None:
+    """Went wrong: no row of the plan was left, the planner ended, and the held robot parked on one leg after 2 s."""
+    bench.first()
+    plan = bench.replanner.made.plan(1)
+    assert plan is not None
+    frozen = {"state": State.HOLD, "plan": 1, "contact_ref": (False, True), "must_stop": True}
+    for tick in (plan.end_tick - 1, plan.end_tick, plan.end_tick + 1, plan.end_tick + 5000):
+        bench.publish_row(tick, **frozen)
+        bench.replanner.step(tick + 1)
+    assert bench.replanner.push.sway is None
+
+
 def test_a_push_makes_no_plan_of_a_robot_that_must_stop(bench: Bench) -> None:
     bench.first()
     bench.publish_row(110, state=State.STREAMING, plan=1, must_stop=True)
