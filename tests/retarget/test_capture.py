@@ -6,23 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.capture import DEAD_M, CaptureSteps
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.schedule import step_path
 from flexmotion.retarget.steps import Step
 
-RETARGETER = Retargeter(load_robot("op3"), load_stream())
+ROBOT = load_robot("op3")
+RETARGETER = Retargeter(ROBOT, load_stream())
 CAPTURE: CaptureSteps = RETARGETER.capture
 GAIT, RATE, OMEGA = RETARGETER.gait, RETARGETER.rate, RETARGETER.omega
 WIDTH = RETARGETER.body.stand_width
 LIFT, LAND = 100, 152
+AHEAD = default_clip()[225:325]
+"""A walk ahead: its first two steps, and one at full stride."""
+PLAN: Plan = RETARGETER.plan(RETARGETER.standing(), AHEAD[:75], 0, 0)
+NO_LOAD = ROBOT.no_load_speed
 errors = st.tuples(st.floats(-0.14, 0.14), st.floats(-0.14, 0.14))
 
 
@@ -142,6 +148,37 @@ def test_a_foot_in_the_air_goes_on_from_where_it_is_as_fast_as_it_is(
     np.testing.assert_allclose((after - before)[1] / (0.01 / RATE), np.zeros(4), atol=0.02)
     landed = step_path(RETARGETER.swings, found[0], np.array([float(LAND), LAND + 3.0]), RATE)
     np.testing.assert_allclose(landed, np.tile(found[0].target, (2, 1)), atol=1e-9)
+
+
+@settings(max_examples=25)
+@given(error=errors, number=st.integers(0, 2), part=st.floats(0.0, 1.0))
+@example(error=(0.06, 0.0), number=0, part=0.5)
+@example(error=(0.03, 0.0), number=1, part=0.6)
+@example(error=(0.04, 0.0), number=2, part=1.0)
+@example(error=(-0.07, 0.0), number=1, part=0.4)
+@example(error=(0.0, 0.05), number=1, part=1.0)
+def test_no_answer_in_the_air_asks_a_servo_for_more_than_its_no_load_speed(
+    error: tuple[float, float], number: int, part: float
+) -> None:
+    """Went wrong: halfway through a swing a new way had the whole swing's time, and the knee 2.2 times its speed."""
+    settled = PLAN.steps[number]
+    # From the lift on, until the foot is too near to its landing to be moved.
+    tick = settled.lift + 1 + round(part * (settled.land - settled.lift - 14))
+    leg = RETARGETER.body.legs[settled.side].indices
+    state = PLAN.states[tick].copy()
+    RETARGETER.answer(RETARGETER.layout.view(state), tick, np.array(error))
+    first = RETARGETER.next_frame(state, tick, AHEAD.fps)
+    after = RETARGETER.plan(state, AHEAD[first : first + 40], first, tick)
+    assert (np.abs(after.qd[: settled.land - tick, leg]) <= NO_LOAD[leg]).all()
+
+
+def test_a_foot_in_the_air_has_some_way_left() -> None:
+    """The bound on its speed leaves most of an answer to a foot that has just left the ground."""
+    steps, feet = walking()
+    early, late = (
+        CAPTURE.answer(steps, feet, tick, np.array([0.05, 0.0]))[0][0].shift[0] for tick in (LIFT + 4, LAND - 14)
+    )
+    assert early > late > 0.005
 
 
 def mid_swing(walk: Motion) -> tuple[Plan, int]:

@@ -22,7 +22,7 @@ from flexmotion.streamer.control.swing_level import SwingLevel
 
 ROBOT = load_robot("op3")
 RETARGETER = Retargeter(ROBOT, load_stream())
-DEAD, SPEED = 0.065, 3.0
+DEAD, SPEED, LIFT = 0.065, 3.0, 0.03
 WALK: Plan = RETARGETER.plan(RETARGETER.standing(), default_clip()[225:300], 0, 0)
 STEP = WALK.steps[0]
 """The first step of a walk ahead."""
@@ -87,6 +87,43 @@ def test_the_sole_stays_level_and_the_foot_under_its_hip(tilt: tuple[float, floa
     assert abs(with_it[swing, 0] - planned[swing, 0]) <= abs(without[swing, 0] - planned[swing, 0]) + 1e-4
     # The leg that carries the robot is left alone.
     np.testing.assert_allclose(with_it[1 - swing], without[1 - swing], atol=1e-12)
+
+
+def hip(tilt: np.ndarray, yaw: float) -> np.ndarray:
+    """Place of the swing leg's hip under a torso at the origin, (3,) [m]."""
+    quaternion, turned = np.zeros(4), np.zeros(3)
+    mujoco.mju_euler2Quat(quaternion, [yaw, tilt[1], tilt[0]], "zyx")
+    mujoco.mju_rotVecQuat(turned, RETARGETER.body.legs[STEP.side].hip, quaternion)
+    return turned
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.2), (0.0, -0.2), (0.15, 0.0), (-0.15, 0.0), (-0.15, 0.12), (0.12, -0.15)])
+def test_the_foot_stays_where_it_was_planned_under_its_hip_as_high_over_the_other_sole(
+    tilt: tuple[float, float],
+) -> None:
+    """Went wrong: no test saw whether the foot goes aside at all, nor how high it is held."""
+    level, estimator, reference = tilted(*tilt)
+    swing, yaw, still = STEP.side, float(reference.feet[:, 3].mean()), estimator.tilt - tilt
+    beyond = still + [math.copysign(max(abs(angle) - DEAD, 0.0), angle) for angle in tilt]
+    away = 1.0 if swing == 0 else -1.0
+    axes = np.array([[math.cos(yaw), math.sin(yaw), 0.0], [-away * math.sin(yaw), away * math.cos(yaw), 0.0]])
+    planned, rigid, found = (
+        soles(q, turned, yaw)[0]
+        for q, turned in ((reference.q, still), (reference.q, beyond), (reference.q + level.offset, beyond))
+    )
+    wanted = planned[swing] + hip(beyond, yaw) - hip(still, yaw)
+    # Ahead and outward, to its place under the hip, where it falls to, as near to the other foot as steps may be.
+    apart = axes @ (planned[swing] - planned[1 - swing])
+    low = np.minimum(RETARGETER.capture.nearest, apart)
+    high = np.maximum(RETARGETER.capture.farthest, apart)
+    expected = np.clip(apart + axes @ (wanted - rigid[swing]), low, high) - apart
+    np.testing.assert_allclose(axes @ (found - rigid)[swing], expected, atol=1e-3)
+    for moved, angle in zip(expected, (tilt[1], -away * tilt[0]), strict=True):
+        assert angle == 0.0 or moved * angle > 0.0
+    # The torso that tilts takes the sole elsewhere, by more than what is let pass here.
+    height, before, after = (float(places[swing, 2] - places[1 - swing, 2]) for places in (planned, rigid, found))
+    assert abs(after - height) < 1.5e-3 < abs(before - height)
+    assert abs(found[swing, 2] - wanted[2]) <= LIFT + 1e-3
 
 
 @given(roll=st.floats(-3.0, 3.0), pitch=st.floats(-1.5, 1.5), ticks=st.integers(1, 40))
