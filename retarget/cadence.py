@@ -1,8 +1,8 @@
 """Steps at the robot's own cadence, for a robot that lags behind its human.
 
-A robot's steps are shorter than those of a human who walks fast for its size, or goes sideways. It then steps as soon
-as a foot is free, with swings of its fastest walk, and lands with the human's foot where that costs little. So it goes
-as fast as it can, and makes up for its lag while the human is slower or waits.
+The robot's steps are too short to keep up with a fast or sideways walk, one step for each of the human's. While it
+lags, it steps as soon as a foot is free, with the swings of its fastest walk, and lands with the human's foot where
+that costs little. It makes up for its lag while the human is slower or waits.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ from flexmotion.retarget.swing import Swings
 Float = NDArray[np.float64]
 
 DEAD_M = 0.015
-"""An error up to this moves no foothold [m]: in mid-swing, walks that nobody pushes have less in 95 % of the time
-(answers begin at 22 mm: `PushWatch`)."""
+"""Smaller errors move no foothold [m]. In mid-swing of unpushed walks, 95 % of the errors are smaller. Answers begin at
+22 mm (`PushWatch`)."""
 HELD_SHARE = np.array([0.5, 0.65])
 """Share of half a sole, ahead and aside, up to which servos and balance feedback hold an error as it is: pushes of .6
 N·s, 26 mm aside, stayed the same from the push to the landing. What is beyond grows."""

@@ -126,7 +126,8 @@ def main(
     sampler, shares = open_sampler(bundle, steps, unjudged=True), {}
     table = Table("kind", "done", "understood as", title="Prompts")
     own = [entry for entry in gesture_kinds() if entry.kind in sampler.bundle.prompts.kinds]
-    for entry in [*prompt_kinds(), *own]:
+    entries = [*prompt_kinds(), *own]
+    for entry in entries:
         done = [passed(sampler, entry, wording, range(seed, seed + samples), seconds) for wording in entry.wordings]
         shares[entry.kind] = share([own for each in done for own in each])
         kinds = ", ".join(sampler.prompt(wording).kind for wording in entry.wordings)
@@ -141,14 +142,14 @@ def main(
                 share=shares[entry.kind],
                 least=OFFERED,
             )
-            for entry in [*prompt_kinds(), *own]
+            for entry in entries
             if entry.of in sampler.bundle.prompts.kinds
         }
         judged_bundle = write_judged(sampler.bundle, kinds=figures)
     # Of none: "nonsense", which is to be refused.
     offered = [
         entry.kind
-        for entry in [*prompt_kinds(), *own]
+        for entry in entries
         if entry.of not in sampler.bundle.prompts.kinds or entry.of in offered_kinds(judged_bundle)
     ]
     return judged_shares(shares, offered, samples, seed, csv_out)

@@ -34,8 +34,8 @@ def clip_floor(human: HumanKinematics, fps: float) -> float:
 def ground_under(human: HumanKinematics, fps: float) -> float:
     """Height of what a human is on in the last frame [m]: the floor, a step, a ladder.
 
-    The lowest place of feet, knees, hands and head; of a human who has jumped, the place where a sole point rested
-    last, or the lowest place of all frames where none has.
+    This is the lowest point of feet, knees, hands and head now. During a jump it is the height at which a sole last
+    rested. Where no sole has rested, it is the lowest point of all frames.
     """
     sole = np.concatenate([human.heel, human.toe], axis=1)
     lowest = np.concatenate([sole, human.knee, human.wrist, human.vertex[:, None]], axis=1)[..., 2].min(axis=1)

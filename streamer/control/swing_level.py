@@ -22,8 +22,8 @@ from flexmotion.streamer.control.reference import Reference
 Float = NDArray[np.float64]
 
 _DEAD = 0.065
-"""Tilt beyond the plan up to which a leg follows it [rad]: three clips of walks that nobody pushes have up to .068 in
-mid-swing (99 %: .062), and for a moment up to .11 where a foot strikes. From .03 on a walk lost a tenth of its way."""
+"""Smaller tilts beyond the plan are ignored [rad]. Three clips of unpushed walks tilt by at most .068 rad in mid-swing
+(99 %: .062), and for a moment by .11 when a foot strikes. With .03 a walk lost a tenth of its way."""
 _MOST = 0.25
 """Most of it that is made up for [rad]."""
 _LIFT = 0.03

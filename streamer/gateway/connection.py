@@ -19,7 +19,7 @@ from websockets.exceptions import InvalidStatus
 from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
-from flexmotion.streamer.gateway.messages import GET_UP_S, Answer, Ended, MessageError, decode, encode
+from flexmotion.streamer.gateway.messages import FOLLOWED, GET_UP_S, Answer, Ended, MessageError, decode, encode
 from flexmotion.streamer.gateway.stop_path import SOURCE_HEADER, STOPS
 
 _DEFAULT = Gateway()
@@ -272,7 +272,7 @@ def awaited(answer: Answer) -> int:
     Raises:
         GatewayError: the target is not followed, or it is for a part of the body, whose answer says when it is there.
     """
-    if answer.target is None or answer.state not in ("accepted", "slowed", "partly"):
+    if answer.target is None or answer.state not in FOLLOWED:
         raise GatewayError(f"{answer.asked}: {answer.state}: {answer.reason or 'it is no target'}: it has no end")
     if answer.part is not None:
         raise GatewayError(f"{answer.asked}: {answer.part}: the answer says when it is there; it is held until let go")

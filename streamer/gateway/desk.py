@@ -24,6 +24,7 @@ from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMess
 from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.loop_requests import REQUESTS, gets_up, in_effect, name_of, request_of
 from flexmotion.streamer.gateway.messages import (
+    FOLLOWED,
     GET_UP_S,
     Answer,
     AnswerState,
@@ -68,7 +69,6 @@ _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _STANDS_AFTER = {"clip", "stop"}
 """Words of targets that end in a stand and have no measured steps."""
-_FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 
 
 class Desk:
@@ -307,7 +307,7 @@ class Desk:
         )
         if part != WHOLE_BODY:
             return
-        if told.state in _FOLLOWED and asked.intent is not None:
+        if told.state in FOLLOWED and asked.intent is not None:
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
             self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end), "superseded")

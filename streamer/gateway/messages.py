@@ -229,6 +229,9 @@ MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminat
 
 AnswerState = Literal["accepted", "slowed", "moved", "partly", "superseded", "expired", "refused"]
 
+FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
+"""States of the answers to targets for the whole body that the robot follows."""
+
 TargetEnd = Literal["done", "time limit", "expired", "superseded", "stopped"]
 
 
