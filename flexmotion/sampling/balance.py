@@ -6,12 +6,13 @@ leaves the soles by decimetres. Here the whole body, feet included, is shifted b
     min  Σ slip |ḋ|²  +  network |r̈ + d̈ - a|²  +  jerk |r⃛ + d⃛|²     so that the zero-moment point is within the soles
 
 for the root's path r and the accelerations a of the model's own path. Seen from the feet, which move along, the
-zero-moment point moves by -(z_c / (z̈_c + g)) d̈ for a height z_c of the centre of mass (M. Vukobratovic, B. Borovac,
-"Zero-moment point: thirty five years of its life", Int. J. Humanoid Robotics 1(1), 2004): the problem is a quadratic
-programme in d. It is solved by the alternating direction method of multipliers (S. Boyd et al., Foundations and Trends
-in Machine Learning 3(1), 2011), in which a frame's constraint is a projection on a polygon. Frames before the window
-are fixed, so the shift begins without a jump of place or speed. The vertical path is shifted before, by the same terms
-with |d|² for the floor in place of the slip, so that the ground is pressed on, not pulled at.
+zero-moment point moves by -(z_c / (z̈_c + g)) d̈ for a height z_c of the centre of mass, and seen from feet that stay by
+d more (M. Vukobratovic, B. Borovac, "Zero-moment point: thirty five years of its life", Int. J. Humanoid Robotics 1(1),
+2004): the problem is a quadratic programme in d. It is solved by the alternating direction method of multipliers
+(S. Boyd et al., Foundations and Trends in Machine Learning 3(1), 2011), in which a frame's constraint is a projection
+on a polygon. Frames before the window are fixed, so the shift begins without a jump of place or speed. The vertical
+path is shifted before, by the same terms with |d|² for the floor in place of the slip, so that the ground is pressed
+on, not pulled at.
 """
 
 from __future__ import annotations
@@ -138,12 +139,14 @@ def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> F
     return _whole(_slowed(shift[:, None], needs.fps), needs)[:, 0]
 
 
-def horizontal_shift(needs: Needs, bounds: Float, settings: Balance = BALANCE) -> Float:
+def horizontal_shift(needs: Needs, bounds: Float, stays: Float | None = None, settings: Balance = BALANCE) -> Float:
     """Shift of the place of every frame, (N, 2) [m]; zero in known frames.
 
     Args:
         needs: after the vertical shift.
         bounds: of the region under the soles, as of `Soles.bounds`, (N, 32) [m].
+        stays: share of the region that stays where it is, (N,): of feet that legs bring back to where they are asked to
+            be. None: all of it moves along.
         settings: weights.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
@@ -154,6 +157,8 @@ def horizontal_shift(needs: Needs, bounds: Float, settings: Balance = BALANCE) -
     base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift
     lever = needs.centre[rows, 2:] / lift
     moved = -lever * terms.second[rows]
+    if stays is not None:
+        moved += stays[rows, None] * np.eye(len(needs.root))[rows, needs.known :]
     start = np.stack([terms.wanted(needs, axis) for axis in (0, 1)], axis=1)
     shift = terms.place_free @ start
     point = base + moved @ shift

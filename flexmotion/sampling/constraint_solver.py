@@ -32,9 +32,9 @@ from flexmotion.features.decode import Anchor
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.arm_closing import closable, within_arms
 from flexmotion.sampling.delivery import Delivered
 from flexmotion.sampling.draft import Draft
+from flexmotion.sampling.limb_closing import ARM, closable, within_arms
 from flexmotion.sampling.tangent import Tangent
 from flexmotion.sampling.torque_change import force_change, torque_change
 from flexmotion.sampling.window_change import LINEAR, WindowChange
@@ -99,6 +99,7 @@ class ConstraintSolver:
         self._layout, self._tangent = layout, tangent
         self._constraints = ConstraintLayout(layout)
         self._legs = _of_legs(self._constraints)
+        self._forces = slice(layout.blocks["torques"].start, layout.size)
         self._weight = 1.0 / np.array(self._constraints.tolerances)
 
     def window(
@@ -127,12 +128,12 @@ class ConstraintSolver:
         found = decode(latent)
         features = begun = draft.joined(found)
         # Places of the arms are kept at last wherever feet and balance take the body.
-        left = rows.columns[~closable(constraints)[rows.columns]]
+        left = rows.columns[~closable(constraints, (ARM,))[rows.columns]]
         exact = bool(draft.balanced and len(left)) or self._moves_legs(left)
         before = bool(len(left)) and not rows.of_forces
         for step in range(steps + before if steps and len(rows.columns) else 0):
             last = step == steps + before - 1
-            if last and steps > 1:
+            if last and (steps > 1 or exact and step):
                 decoded, found = change, decode(latent + change)
                 features = begun = draft.joined(found)
             if last and exact or rows.of_forces:
@@ -150,6 +151,8 @@ class ConstraintSolver:
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
             change = (change + _step(jacobian, residual)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)
+        if self._moves_legs(rows.columns) and not rows.of_forces and change is not decoded:
+            features[:, self._forces] = draft.joined(decode(latent + change))[:, self._forces]
         motion, _ = draft.planted(features)
         return draft.delivered(motion, found + self._travelled(change - decoded), constraints)
 

@@ -68,7 +68,11 @@ class Delivered:
 
 
 def delivered(
-    window: Motion, past: Motion, planned: Float, finish: Callable[[Motion], Motion] = lambda window: window
+    window: Motion,
+    past: Motion,
+    planned: Float,
+    finish: Callable[[Motion], Motion] = lambda window: window,
+    stays: Flags | None = None,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -79,7 +83,8 @@ def delivered(
             the seam is exact. Frames without forces keep none.
         planned: second derivative of the root's path in the model's own window, (T, 3) [m/s²]; the first and the last
             row are not used.
-        finish: changes the balanced window a last time before its forces are made; its legs and its root must stay.
+        finish: changes the balanced window a last time before its forces are made; its root must stay.
+        stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -92,7 +97,7 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    shift, needs = _balanced(whole, segments, soles, contacts, planned)
+    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     at = shift[KNOWN:]
     window = replace(
@@ -104,6 +109,7 @@ def delivered(
     if finished is not window:
         window = finished
         segments = segment_motion(concatenate([known.kinematics, window.kinematics]))
+        soles = Soles.of(whole.body, segments)
         needs = _needs(segments, window.body, whole, planned)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
@@ -143,7 +149,7 @@ def _contacts(motion: Motion) -> Flags:
 
 
 def _balanced(
-    whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
+    whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float, stays: Flags | None
 ) -> tuple[Float, Needs]:
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
     needs = _needs(segments, whole.body, whole, planned)
@@ -151,9 +157,20 @@ def _balanced(
     usable = _usable(contacts, soles, STANDING)
     shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
     lifted = needs.shifted(shift)
-    level = horizontal_shift(lifted, soles.bounds(usable))
+    level = horizontal_shift(lifted, soles.bounds(usable), _staying(usable, stays))
     shift[:, :2] = level
     return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
+
+
+def _staying(usable: Flags, stays: Flags | None) -> Float | None:
+    """Share of the usable sole points of feet that stay, (N,); of a window's frames, which are the last ones."""
+    if stays is None or not stays.any():
+        return None
+    points = usable.sum(axis=2)
+    kept = np.zeros((len(usable), 2))
+    kept[len(usable) - len(stays) :] = stays
+    found: Float = (kept * points).sum(axis=1) / np.maximum(points.sum(axis=1), 1)
+    return found
 
 
 def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -> Needs:

@@ -18,9 +18,9 @@ from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.arm_closing import closable, closed
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
+from flexmotion.sampling.limb_closing import LEG, asked_feet, closed
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
@@ -96,20 +96,20 @@ class Draft:
         Args:
             motion: planted.
             found: features that it was decoded from, before they were joined to the history.
-            constraints: what is asked of its arms is kept by them, as far as they reach; contact forces that are asked
+            constraints: what is asked of its limbs is kept by them, as far as they reach; contact forces that are asked
                 take the place of the decoder's, as far as the motion allows; so do activations that are asked.
         """
-        arms = constraints is not None and bool(constraints.mask[:, closable(constraints)].any())
 
         def finish(window: Motion) -> Motion:
-            return closed(window, self.anchor, constraints) if arms and constraints is not None else window
+            return window if constraints is None else closed(window, self.anchor, constraints)
 
         if not self.balanced:
             made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
         else:
             if constraints is not None:
-                motion = self.sharing(motion, constraints)
-            made = delivered(motion, self.history, self._accelerations(found), finish)
+                motion = self.sharing(closed(motion, self.anchor, constraints, (LEG,)), constraints)
+            stays = None if constraints is None else asked_feet(constraints)
+            made = delivered(motion, self.history, self._accelerations(found), finish, stays)
         return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
 
     def _accelerations(self, found: Float32) -> Float:

@@ -1,4 +1,4 @@
-"""`ArmPose`: one arm over a window, moved by its own joints alone."""
+"""`LimbPose`: one arm or leg over a window, moved by its own joints alone."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ArmPose:
-    """An arm of K hinges, from the shoulder outwards, over W frames.
+class LimbPose:
+    """A limb of K hinges, from the trunk outwards, over W frames.
 
     Attributes:
         anchor, axis: of the hinges, (W, K, 3) [m] and unit vectors.
-        points: of the arm, (W, P, 3) [m].
+        points: of the limb, (W, P, 3) [m].
         carried: for each point the number of hinges that move it, (P,).
     """
 
@@ -25,8 +25,8 @@ class ArmPose:
     points: Float
     carried: tuple[int, ...]
 
-    def moved(self, change: Float) -> ArmPose:
-        """The arm after its angles have changed by (W, K) [rad].
+    def moved(self, change: Float) -> LimbPose:
+        """The limb after its angles have changed by (W, K) [rad].
 
         A product of exponentials about the hinges as they are (Brockett 1984): what the last hinge has turned, the one
         before it turns again.
@@ -39,7 +39,7 @@ class ArmPose:
             points[:, beyond] = (points[:, beyond] - centre) @ turn + centre
             anchor[:, hinge + 1 :] = (anchor[:, hinge + 1 :] - centre) @ turn + centre
             axis[:, hinge + 1 :] = axis[:, hinge + 1 :] @ turn
-        return ArmPose(anchor, axis, points, self.carried)
+        return LimbPose(anchor, axis, points, self.carried)
 
 
 def _turns(axis: Float, angle: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Elbows and hands are brought to their places by the arms alone."""
+"""Elbows, hands and feet are brought to their places by the limbs alone."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.human.skeleton import JOINTS
-from flexmotion.sampling.arm_closing import MOVED, closable, closed
+from flexmotion.sampling.limb_closing import ARM, LEG, asked_feet, closable, closed
 
 FRAMES = 32
-RIGHT = [JOINTS.index(f"{joint}_r") for joint in MOVED]
+RIGHT = ARM.of_joints("r")
 
 
 @pytest.fixture
@@ -60,8 +60,40 @@ def test_a_place_out_of_reach_stretches_the_arm_within_its_limits(window: tuple[
     assert hands(found, anchor)[25, 0] > hands(motion, anchor)[25, 0] + 0.1
 
 
-def test_what_is_not_asked_of_arms_is_left_alone(window: tuple[Motion, Anchor, Constraints]) -> None:
+def test_a_foot_is_brought_to_its_places_by_its_leg_and_keeps_its_direction(
+    window: tuple[Motion, Anchor, Constraints],
+) -> None:
+    # A foot that was asked to swing further than the model had it was 5 cm off: its leg did not reach for it.
     motion, anchor, nothing = window
-    asked = nothing.place("toe_l", 3, np.zeros(3)).path(5, np.zeros(2))
+    human = forward(motion)
+    places = anchor.local(human.heel[:, 0]) + [0.0, 0.06, 0.04] * np.linspace(0.0, 1.0, FRAMES)[:, None]
+    found = closed(motion, anchor, nothing.place("heel_l", slice(None), places))
+    moved = forward(found)
+    assert np.linalg.norm(anchor.local(moved.heel[:, 0]) - places, axis=1).max() < 0.01
+    before, after = ((one.toe - one.heel)[:, 0] for one in (human, moved))
+    assert np.linalg.norm(after - before, axis=1).max() < 0.03
+    others = [number for number in range(len(JOINTS)) if number not in LEG.of_joints("l")]
+    np.testing.assert_array_equal(found.joints[:, others], motion.joints[:, others])
+
+
+def test_a_foot_out_of_reach_comes_as_near_as_its_leg_is_long(window: tuple[Motion, Anchor, Constraints]) -> None:
+    motion, anchor, nothing = window
+    human = forward(motion)
+    places = anchor.local(human.ankle[:, 1]) + [0.0, -2.0, 0.0]
+    found = closed(motion, anchor, nothing.place("ankle_r", slice(10, None), places[10:]))
+    moved = forward(found)
+    assert anchor.local(moved.ankle[:, 1])[-1, 1] < anchor.local(human.ankle[:, 1])[-1, 1] - 0.3
+    low, high = joint_limits()[LEG.of_joints("r")].T
+    assert (found.joints[:, LEG.of_joints("r")] >= np.minimum(low, motion.joints[:, LEG.of_joints("r")]) - 1e-9).all()
+    assert (found.joints[:, LEG.of_joints("r")] <= np.maximum(high, motion.joints[:, LEG.of_joints("r")]) + 1e-9).all()
+
+
+def test_what_is_not_asked_of_limbs_is_left_alone(window: tuple[Motion, Anchor, Constraints]) -> None:
+    motion, anchor, nothing = window
+    asked = nothing.place("knee_l", 3, np.zeros(3)).path(5, np.zeros(2))
     assert closed(motion, anchor, asked) is motion
-    assert closable(asked).sum() == 3 * 4  # elbows and hands
+    assert closable(asked, (ARM,)).sum() == 3 * 4  # elbows and hands
+    assert closable(asked).sum() == 3 * 10  # and ankles, heels, toes
+    assert not asked_feet(asked).any()
+    kept = asked_feet(nothing.place("toe_r", slice(4, 8), np.zeros((4, 3))))
+    assert kept[4:8, 1].all() and kept.sum() == 4

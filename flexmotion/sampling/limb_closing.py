@@ -1,0 +1,306 @@
+"""`closed`: hands, elbows and feet brought to their places by the limbs alone, after planting and balance.
+
+Planting and balance shift a body by centimetres, and by more the more its legs have changed, so that corrections of the
+latent do not converge on a place as it is handed on. Limbs hardly move the balance. For residuals r of the places and
+changes c of the angles of a limb, over smooth functions of time,
+
+    c = argmin |J c - r|² + damping |c|²
+
+is solved a fixed number of times, forward kinematics in between; a step that brings the limb no nearer is not taken.
+A foot that is brought to the place of one of its points keeps its direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_factor, cho_solve
+
+from flexmotion.features.constraint_layout import PLACES
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.decode import Anchor
+from flexmotion.features.layout import POINTS
+from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEG_JOINTS, SIDES
+from flexmotion.human.vectors import cross
+from flexmotion.sampling.limb_pose import LimbPose
+from flexmotion.sampling.window_pose import WindowPose
+from flexmotion.spatial.transitions import smoothstep
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What closes the places of a limb's points.
+
+    Attributes:
+        points: of `layout.POINTS` without their side, from the trunk outwards; the first one is moved by none of its
+            joints.
+        joints: coordinates that move them, without their side.
+        carried: how many of the joints move each of the points.
+        closes: points whose places it keeps.
+        end: point whose distance from the first one is bounded by the limb's length.
+        rigid: points that move together: those that are not asked follow those that are.
+    """
+
+    points: tuple[str, ...]
+    joints: tuple[str, ...]
+    carried: tuple[int, ...]
+    closes: tuple[str, ...]
+    end: str
+    rigid: tuple[str, ...] = ()
+
+    def of_points(self, side: str) -> list[int]:
+        """Numbers of its points among `layout.POINTS`."""
+        return [POINTS.index(f"{point}_{side}") for point in self.points]
+
+    def of_joints(self, side: str) -> list[int]:
+        """Numbers of its joints among `skeleton.JOINTS`."""
+        return [JOINTS.index(f"{joint}_{side}") for joint in self.joints]
+
+
+ARM = Limb(("shoulder", "elbow", "hand"), ARM_JOINTS[:4], (0, 3, 4), ("elbow", "hand"), "hand")
+"""Pronation does not move the fist."""
+
+LEG = Limb(
+    ("hip", "knee", "ankle", "heel", "toe"),
+    LEG_JOINTS,
+    (0, 3, 4, 5, 5),
+    ("ankle", "heel", "toe"),
+    "ankle",
+    ("ankle", "heel", "toe"),
+)
+"""A knee is not closed: the foot would leave its place with it."""
+
+LIMBS = (ARM, LEG)
+
+IN_REACH = 0.98
+"""Share of an arm's length within which a place is in reach."""
+
+FOLLOWING = 0.3
+"""Weight of points that follow those that are asked, which have 1."""
+
+ROUNDS, NEAR = 5, 1e-3
+"""Steps at most; none is taken where the root mean square of what is missing is smaller than the second [m]."""
+
+SHORTER = 0.3
+"""Share of a step that is tried after one that did not bring the limb nearer."""
+
+KNOT_FRAMES = 3.0
+"""Distance of the knots of the functions of time: at 30 frames a second they hold what a window below 5 Hz does."""
+
+BEGUN = 4.0
+"""Frames within which the change begins: pose and speed of the history are kept."""
+
+FARTHEST = 0.25
+"""Distance that one round makes up for [m]: forward kinematics are nearly linear over it."""
+
+TURNED = 0.8
+"""Largest change of an angle in one round [rad]: a limb that is nearly straight would swing far for millimetres."""
+
+EVEN = 0.03
+"""Weight of the second differences of the knots' values [m²/rad²]: what keyframes ask for is spread between them."""
+
+DAMPING = 1e-3
+"""Square of the distance [m²] that a change of one radian is worth: a stretched limb is not swung for a millimetre."""
+
+
+def closable(constraints: Constraints, limbs: Sequence[Limb] = LIMBS) -> NDArray[np.bool_]:
+    """Columns whose places limbs keep, (C,)."""
+    found = np.zeros(constraints.layout.size, np.bool_)
+    first = constraints.layout.blocks[PLACES].start
+    for number, name in enumerate(POINTS):
+        closes = any(name.rpartition("_")[0] in limb.closes for limb in limbs)
+        found[first + 3 * number : first + 3 * (number + 1)] = closes
+    return found
+
+
+def closed(motion: Motion, anchor: Anchor, constraints: Constraints, limbs: Sequence[Limb] = LIMBS) -> Motion:
+    """The motion with points of its limbs that are asked at their places, as far as the limbs reach.
+
+    Args:
+        motion: the window.
+        anchor: the frame before it.
+        constraints: what is asked; all else than places of `Limb.closes` is left.
+        limbs: that may move.
+    """
+    asked, places = _asked(constraints, motion.body.leg)
+    moving = [
+        (limb, limb.of_points(side), limb.of_joints(side))
+        for limb in limbs
+        for side in SIDES
+        if asked[:, [POINTS.index(f"{point}_{side}") for point in limb.closes]].any()
+    ]
+    if not moving:
+        return motion
+    pose, joints = WindowPose.of(motion, anchor), motion.joints.copy()
+    for limb, points, columns in moving:
+        own = LimbPose(pose.anchor[:, columns], pose.axis[:, columns], pose.points[:, points], limb.carried)
+        wanted = Wanted.of(limb, own, asked[:, points], places[:, points])
+        joints[:, columns] = _closed(own, joints[:, columns], joint_limits()[columns], wanted)
+    return replace(motion, joints=joints)
+
+
+def asked_feet(constraints: Constraints) -> NDArray[np.bool_]:
+    """Feet that are kept at a place of the floor, (W, 2)."""
+    asked, _ = _asked(constraints, constraints.body.leg)
+    feet = [[POINTS.index(f"{point}_{side}") for point in LEG.closes] for side in SIDES]
+    return np.asarray(asked[:, feet, :2].all(axis=-1).any(axis=-1), np.bool_)
+
+
+def within_arms(pose: WindowPose, constraints: Constraints, most: float) -> bool:
+    """Whether arms alone bring all hands that are asked to their places: near, in reach, and no elbow is asked.
+
+    Args:
+        pose: of the window.
+        constraints: what is asked.
+        most: distance of the hands from their places [m].
+    """
+    asked, places = _asked(constraints, pose.body.leg)
+    for side in SIDES:
+        columns = ARM.of_points(side)
+        mask, (shoulder, _, hand) = asked[:, columns], np.moveaxis(pose.points[:, columns], 1, 0)
+        if mask[:, 1].any():
+            return False  # an elbow moves on a sphere
+        wanted = np.where(mask[:, -1], places[:, columns[-1]], hand)
+        reach = IN_REACH * _reach(ARM, pose.points[:, columns])
+        beyond = (_lengths(wanted - hand) > most) | (_lengths(wanted - shoulder) > reach)
+        if (beyond & mask[:, -1].any(axis=1)).any():
+            return False
+    return True
+
+
+def _asked(constraints: Constraints, leg: float) -> tuple[NDArray[np.bool_], Float]:
+    """Which coordinates of points are asked, (W, 16, 3), and places, (W, 16, 3) [m]."""
+    columns = constraints.layout.blocks[PLACES]
+    frames = len(constraints.mask)
+    mask = constraints.mask[:, columns].reshape(frames, -1, 3)
+    return mask, constraints.values[:, columns].reshape(frames, -1, 3) * leg
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Where the P points of a limb are wanted.
+
+    Attributes:
+        places: within the limb's reach, (W, P, 3) [m].
+        weight: of their coordinates, (W, P, 3); 0 where nothing is asked.
+    """
+
+    places: Float
+    weight: Float
+
+    @classmethod
+    def of(cls, limb: Limb, pose: LimbPose, asked: NDArray[np.bool_], places: Float) -> Wanted:
+        """What is asked of a limb in a pose, and what follows from it.
+
+        Args:
+            limb, pose: of which.
+            asked: coordinates of its points, (W, P, 3).
+            places: of its points, (W, P, 3) [m].
+        """
+        own, end = pose.points, limb.points.index(limb.end)
+        closes = np.array([point in limb.closes for point in limb.points])
+        asked = asked & closes[:, None]
+        places, weight = np.where(asked, places, own), asked.astype(np.float64)
+        if limb.rigid:
+            rigid = [limb.points.index(point) for point in limb.rigid]
+            told = asked[:, rigid]
+            way = (places - own)[:, rigid].sum(axis=1) / np.maximum(told.sum(axis=1), 1)
+            places[:, rigid] = np.where(told, places[:, rigid], own[:, rigid] + way[:, None])
+            weight[:, rigid] = np.where(told, 1.0, FOLLOWING * told.any(axis=(1, 2), keepdims=True))
+        # What the limb's end lacks of its place beyond the limb's reach, the points that move with it lack as well.
+        away, reach = places[:, end] - own[:, 0], _reach(limb, own)
+        short = away * np.minimum(0.0, reach / np.maximum(_lengths(away), 1e-6) - 1.0)[:, None]
+        places[:, [end, *(limb.points.index(point) for point in limb.rigid if point != limb.end)]] += short[:, None]
+        return cls(places, weight)
+
+    def missing(self, pose: LimbPose) -> Float:
+        """What the points lack of their places, at most `FARTHEST`, (W, P, 3) [m]."""
+        missing = self.places - pose.points
+        found: Float = (
+            missing * np.minimum(1.0, FARTHEST / np.maximum(np.linalg.norm(missing, axis=-1), 1e-6))[..., None]
+        )
+        return found
+
+    def error(self, pose: LimbPose) -> float:
+        """Weighted sum of the squared distances from the places [m²]."""
+        away = (self.weight * (self.places - pose.points)).ravel()
+        return float(away @ away)
+
+
+def _closed(pose: LimbPose, angles: Float, limits: Float, wanted: Wanted) -> Float:
+    """Angles of a limb, (W, K) [rad], with which its points are where they are wanted; see `_change`."""
+    share, error = 1.0, wanted.error(pose)
+    low, high = limits.T
+    enough = NEAR**2 * float((wanted.weight**2).sum())
+    for _ in range(ROUNDS):
+        if error < enough:
+            break
+        moved = angles + share * _change(pose, wanted)
+        # Angles that are beyond their limits already stay where they are.
+        moved = np.clip(moved, np.minimum(low, angles), np.maximum(high, angles))
+        there = pose.moved(moved - angles)
+        left = wanted.error(there)
+        if left < error:
+            pose, angles, error = there, np.asarray(moved), left
+        else:  # a limb at its limits, or at a singular angle
+            share *= SHORTER
+    return angles
+
+
+def _change(pose: LimbPose, wanted: Wanted) -> Float:
+    """Change of the angles of a limb, (W, K) [rad]."""
+    over, missing = _functions(len(pose.points)), wanted.missing(pose)
+    size = pose.axis.shape[1]
+    rows, residuals = [], []
+    for point in np.flatnonzero(wanted.weight.any(axis=(0, 2))):
+        frames, coordinates = np.nonzero(wanted.weight[:, point])
+        moved = cross(pose.axis, pose.points[:, point, None] - pose.anchor)  # (W, K, 3)
+        moved[:, pose.carried[point] :] = 0.0  # a point is not moved by joints beyond it
+        weight = wanted.weight[frames, point, coordinates]
+        own = moved[frames, :, coordinates] * weight[:, None]
+        rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), size * over.shape[1]))
+        residuals.append(weight * missing[frames, point, coordinates])
+    system = np.concatenate(rows)
+    normal = system.T @ system + _evenness(len(over), size)
+    normal[np.diag_indices(len(normal))] += DAMPING
+    found = cho_solve(cho_factor(normal), system.T @ np.concatenate(residuals)).reshape(size, -1)
+    change: Float = over @ found.T
+    return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
+
+
+def _reach(limb: Limb, points: Float) -> Float:
+    """Length of a limb from its first point to its end, of its points (W, P, 3) [m], (W,) [m]."""
+    chain = points[:, : limb.points.index(limb.end) + 1]
+    found: Float = np.linalg.norm(np.diff(chain, axis=1), axis=-1).sum(axis=1)
+    return found
+
+
+def _lengths(vectors: Float) -> Float:
+    found: Float = np.sqrt(np.einsum("ti,ti->t", vectors, vectors))
+    return found
+
+
+@lru_cache(maxsize=8)
+def _evenness(frames: int, joints: int) -> Float:
+    """Quadratic form of the second differences of all coefficients, (K C, K C)."""
+    even = np.diff(np.eye(_functions(frames).shape[1]), n=2, axis=0)
+    return np.asarray(EVEN * np.kron(np.eye(joints), even.T @ even), np.float64)
+
+
+@lru_cache(maxsize=4)
+def _functions(frames: int) -> Float:
+    """Cubic B-splines over the frames of a window, zero and level before the first, (W, K)."""
+    # Evenly spaced beyond both ends, so that even coefficients are even changes.
+    knots = KNOT_FRAMES * np.arange(-3.0, np.ceil(frames / KNOT_FRAMES) + 4.0)
+    time = np.arange(1.0, frames + 1)
+    found: Float = BSpline.design_matrix(time, knots, 3).toarray()
+    return found * smoothstep(time, 0.0, BEGUN)[:, None]

@@ -1,0 +1,45 @@
+"""The root's path is shifted so that the zero-moment point lies under the soles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexmotion.sampling.balance import Needs, horizontal_shift
+from flexmotion.sampling.soles import OUTWARD
+from flexmotion.spatial.gravity import GRAVITY
+
+FRAMES, KNOWN, FPS = 40, 8, 30.0
+BESIDE, HEIGHT = 0.12, 0.9
+"""Distance of the centre of mass from the middle of a sole that is .1 m long and wide, and its height [m]."""
+
+
+def standing_beside() -> tuple[Needs, np.ndarray]:
+    """A body that stands still beside its sole, and the bounds of that."""
+    centre = np.tile([BESIDE, 0.0, HEIGHT], (FRAMES, 1))
+    force = np.tile([0.0, 0.0, GRAVITY], (FRAMES, 1))
+    still = np.zeros((FRAMES, 3))
+    needs = Needs(KNOWN, FPS, root=centre, planned=still, force=force, moment=np.cross(centre, force), centre=centre)
+    corners = 0.05 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    return needs, np.tile((corners @ OUTWARD).max(axis=0), (FRAMES, 1))
+
+
+def zmp(needs: Needs, shift: np.ndarray) -> np.ndarray:
+    """In the world, along x, (N,) [m]."""
+    moved = needs.shifted(np.pad(shift, ((0, 0), (0, 1))))
+    return np.asarray(-moved.moment[:, 1] / moved.force[:, 2])
+
+
+def test_a_body_is_brought_over_feet_that_stay() -> None:
+    # Feet were taken to move along with the shift: legs that brought them back left the body where it fell.
+    needs, bounds = standing_beside()
+    along = horizontal_shift(needs, bounds)
+    over = horizontal_shift(needs, bounds, np.ones(FRAMES))
+    assert not over[:KNOWN].any() and not along[:KNOWN].any()
+    late = slice(KNOWN + 15, FRAMES - 2)
+    assert zmp(needs, over)[late].max() < 0.06
+    assert zmp(needs, along)[late].max() > 0.08
+
+
+def test_feet_that_move_along_need_no_word() -> None:
+    needs, bounds = standing_beside()
+    np.testing.assert_array_equal(horizontal_shift(needs, bounds), horizontal_shift(needs, bounds, np.zeros(FRAMES)))
