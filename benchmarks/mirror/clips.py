@@ -7,6 +7,7 @@ foresees, against the speed that is held and dies away, both against the poses t
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from scipy.optimize import linear_sum_assignment
 
 from benchmarks.shared.at_use import AtUse
 from benchmarks.shared.outcome import Outcome, Verdict
@@ -41,8 +43,10 @@ Float = NDArray[np.float64]
 BEGIN_S, END_S = 2.5, 2.0
 """The robot stands when the first frame comes; it comes to a stand after the last one [s]."""
 AHEAD_S = (0.1, 0.2, 0.3, 0.5, 1.0)
-EARLY_S, LATEST_S = 0.2, 1.2
+EARLY_S, LATEST_S = 0.4, 1.2
 """A step of the robot belongs to one of the human that it is at most so much earlier (foreseen), or later than [s]."""
+UNPAIRED_S = 1e3
+"""What a step without a partner counts: more than all delays of a clip."""
 LEAST_SWING_S = 0.2
 """Shorter swings are shuffles, which a robot leaves out [s]."""
 BETTER, SOON_S = 0.8, 0.6
@@ -78,23 +82,32 @@ def lifts(contacts: NDArray[np.bool_], rate_hz: float, least_s: float = 0.0) -> 
 def feet_delays(motion: Motion, record: RunTrace, begin_s: float) -> tuple[list[float], int]:
     """How much later than the human the robot lifted each foot [s], and how many steps it left out.
 
-    Steps count from the moment at which the person is followed. The robot's step for one of the human is the first of
-    that foot from shortly before it, to shortly before the human lifts it again.
+    Steps count from the moment at which the person is followed. Those of a foot are paired one to one (`paired`): a
+    robot that steps in its own cadence makes some that are of no step of the human.
     """
     contacts, _ = ContactDetector().detect(forward(motion), motion.fps)
     followed = np.flatnonzero(record.source_s >= 0.0)
     begins = followed[0] / record.rate_hz if len(followed) else np.inf
     robot, delays, dropped = lifts(record.contact_ref, record.rate_hz), [], 0
     for side in (0, 1):
-        human = [begin_s + at for foot, at in lifts(contacts, motion.fps, LEAST_SWING_S) if foot == side]
-        for at, following in zip(human, [*human[1:], np.inf][: len(human)], strict=True):
-            if at < begins:
-                continue
-            end = min(following - EARLY_S, at + LATEST_S)
-            own = [when - at for foot, when in robot if foot == side and at - EARLY_S <= when < end]
-            delays += own[:1]
-            dropped += not own
+        steps = [begin_s + at for foot, at in lifts(contacts, motion.fps, LEAST_SWING_S) if foot == side]
+        human = [at for at in steps if at >= begins]
+        found = paired(human, [when for foot, when in robot if foot == side])
+        delays += found
+        dropped += len(human) - len(found)
     return delays, dropped
+
+
+def paired(human: Sequence[float], robot: Sequence[float]) -> list[float]:
+    """Delays [s] of the robot's steps of a foot behind the human's: as many pairs as can be, then the nearest in time.
+
+    As many as can be: a robot that is late by nearly a stride is not paired with the human's next step, for which the
+    first one would be left without.
+    """
+    delays = np.subtract.outer(np.asarray(robot, float), np.asarray(human, float)).T
+    far = (delays < -EARLY_S) | (delays >= LATEST_S)
+    rows, columns = linear_sum_assignment(np.where(far, UNPAIRED_S, np.abs(delays)))
+    return [float(delays[row, column]) for row, column in zip(rows, columns, strict=True) if not far[row, column]]
 
 
 def points(motion: Motion) -> Float:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.mirror.clips import feet_delays, foreseen_errors, held_out, lifts
+from benchmarks.mirror.clips import feet_delays, foreseen_errors, held_out, lifts, paired
 from benchmarks.shared.wire import over_the_wire
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.contacts import ContactDetector
@@ -58,6 +58,16 @@ def test_the_robots_steps_are_those_of_the_human_somewhat_later() -> None:
     delays, dropped = feet_delays(motion, record, 1.0)
     assert feet_delays(default_clip()[100:130], record, 1.0) == ([], 0)  # no steps
     assert dropped == 1 and delays == pytest.approx([0.3] * (len(human) - 1), abs=0.01)
+
+
+def test_each_step_of_the_robot_is_of_one_of_the_human() -> None:
+    # A robot that stepped ever sooner than its human was called .79 s late: one step was .203 s early, where the
+    # measure ended, and the next one was taken for it.
+    sooner = paired([4.57, 5.63, 6.73, 7.83], [4.54, 5.55, 6.527, 7.52, 8.51])
+    assert sooner == pytest.approx([-0.03, -0.08, -0.203, -0.31])
+    assert paired([1.0, 2.1, 3.2], [1.9, 3.0, 4.1]) == pytest.approx([0.9] * 3)  # and not the next one, early
+    assert paired([1.0, 2.0], [2.1]) == pytest.approx([0.1])
+    assert paired([1.0], [0.5, 2.3]) == [] and paired([], [1.0]) == [] and paired([1.0], []) == []
 
 
 def test_an_even_motion_is_foreseen_by_its_speed() -> None:
