@@ -57,7 +57,7 @@ def read_manners(sampler: Sampler, sentences: dict[str, list[str]]) -> list[dict
     rows = []
     for manner, own in sentences.items():
         for sentence in own:
-            phrases = sampler.reader.manner(sentence).phrases
+            phrases = sampler.requests.reader.manner(sentence).phrases
             found = NORMAL if not phrases else next((one.manner for one in phrases if one.manner), UNKNOWN_MANNER)
             rows.append({"kind": manner, "sentence": sentence, "heard": found, "right": found == manner})
     return rows

@@ -47,7 +47,7 @@ def distance(first: Motion, second: Motion) -> float:
 
 def sampled(sampler: Sampler, kind: str, manner: str, seconds: float, seed: int) -> Motion:
     """A sample of a kind in a manner."""
-    known = manner in sampler.manners
+    known = manner in sampler.requests.manners
     condition = Condition(wordings(kind)[0], manner=manner if known else None)
     return roll_out(sampler, [Cue(0.0, condition)], seconds, seed).motion
 
@@ -63,8 +63,8 @@ def main(
 ) -> Outcome:
     """Sample both bundles and compare."""
     old, new = (open_sampler(folder, unjudged=True) for folder in (before, after))
-    if manner not in new.manners:
-        raise ConfigError(f"{after}: manner {manner!r}, the model knows {', '.join(new.manners)}")
+    if manner not in new.requests.manners:
+        raise ConfigError(f"{after}: manner {manner!r}, the model knows {', '.join(new.requests.manners)}")
     kinds = [kind for kind in dict.fromkeys(old.bundle.prompts.kinds) if kind != STAND]
     own = [kind.strip() for kind in shown.split(",")]
     if unknown := sorted(set(own) - set(kinds)):

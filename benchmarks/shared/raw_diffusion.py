@@ -123,7 +123,7 @@ class RawSampler(Sampler):
         inputs, network = self._inputs, self._network
         inputs["history"][:] = self._statistics.normalise(remembered)
         condition = self.meant(condition)
-        self._set_request(condition, remembered)
+        self.requests.write(condition, remembered, inputs)
         asked = inputs["present"][:1]
         present = np.concatenate([asked, asked * [1, 1, 0], 0 * asked]).astype(np.float32)
         history, sentence, velocity, manner = (

@@ -100,7 +100,7 @@ def listen(session: Session, listening: Listening) -> None:
         pace=session.source.pace if isinstance(session.source, ModelSource) else None,
         stops=stops[0].health if stops else None,
         clips=session.source.clips if isinstance(session.source, ModelSource) else (),
-        kinds=session.source.sampler.kinds if isinstance(session.source, ModelSource) else (),
+        kinds=session.source.sampler.requests.kinds if isinstance(session.source, ModelSource) else (),
     )
     session.services += (*stops, gateway)
 

@@ -316,7 +316,7 @@ class ModelSource:
         course = self._courses[-1][1] if self._courses else Course()
         seconds = self.sampler.future / self.fps
         sampler = self.sampler
-        own, noise = sampler.own_velocity(condition), sampler.travelling_noise
+        own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
         course, asked = course.followed(condition, own, past, seconds, noise)
         self._courses.append((begin, course))
         return asked

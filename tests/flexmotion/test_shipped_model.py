@@ -231,11 +231,11 @@ def test_a_refusal_says_first_what_to_try_and_names_few_motions(sampler: Sampler
     before, _, can = told.partition("; it can: ")
     assert "; try: " in before
     assert can.startswith("stand, ") and can.count(",") == 6
-    assert can.endswith(f", … (flexmotion bundles lists all {len(sampler.kinds)})")
+    assert can.endswith(f", … (flexmotion bundles lists all {len(sampler.requests.kinds)})")
 
 
 def test_every_suggestion_means_what_it_is_suggested_for(sampler: Sampler) -> None:
-    for kind in sampler.reader.offered:
+    for kind in sampler.requests.reader.offered:
         assert sampler.prompt(wordings(kind)[0]).kind == kind
 
 

@@ -34,7 +34,7 @@ class StubSampler:
     def __init__(self, follows_velocity: bool = True) -> None:
         self.fps, self.history, self.future, self.remembers, self.unsettled = 30.0, 8, 32, 10, 6
         self.name, self.follows_velocity, self.body = "stub", follows_velocity, Body()
-        self.travelling_noise, self.kinds = 1.0, ("stand", "walk")
+        self.requests, self.travelling_noise, self.kinds = self, 1.0, ("stand", "walk")
         self.asked: list[Asked] = []
         self.read: list[str] = []
 

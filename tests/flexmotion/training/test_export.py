@@ -71,7 +71,10 @@ def test_the_sampler_takes_the_bundle(bundle: Bundle) -> None:
 def test_a_manner_changes_the_sample_and_its_absence_is_the_normal_one(bundle: Bundle) -> None:
     """Regression: the styles of all clips leaked into every prompt, since the normal manner could not be asked for."""
     sampler = Sampler(bundle)
-    assert set(sampler.manners) == {"normal", "energetic"}  # `happy` is held out: no clip of the training shows it
+    assert set(sampler.requests.manners) == {
+        "normal",
+        "energetic",
+    }  # `happy` is held out: no clip of the training shows it
     history, turn = sampler.standing(), "turn left"
     plain, normal, energetic = (
         sampler.features(history, condition, seed=1)
@@ -91,7 +94,7 @@ def test_manners_and_kinds_that_no_clip_shows_are_named(bundle: Bundle) -> None:
     sampler = Sampler(bundle)
     prompt = sampler.prompt("turn left happily")
     assert prompt.manner == "normal" and prompt.dropped == ("happily",)
-    assert "bow" not in sampler.reader.offered and "walk-turn-right" in sampler.reader.offered
+    assert "bow" not in sampler.requests.reader.offered and "walk-turn-right" in sampler.requests.reader.offered
     assert {"bow", "salute-left-hand"} < set(bundle.listener.kinds)  # heard, and refused by name
 
 

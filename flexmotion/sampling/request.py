@@ -1,0 +1,221 @@
+"""`Requests`: what a condition means to a model, and how it is written into the inputs of its network."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.repertoire import offered_kinds, offered_manners
+from flexmotion.configs.errors import ConfigError
+from flexmotion.features.heading_frame import chord
+from flexmotion.sampling.condition import Condition
+from flexmotion.text import phrases
+from flexmotion.text.manners import NORMAL
+from flexmotion.text.phrases import BACK, STAND, TURNS, WALK
+from flexmotion.text.prompt_reader import Prompt, PromptReader
+
+Float32 = NDArray[np.float32]
+
+STILL = 0.05
+"""A velocity without words whose components are all smaller than this means standing still [m/s, rad/s]."""
+
+RUN_FROM = 2.0
+"""Humans change between walking and running at about this speed [m/s]."""
+
+SPOT = 0.25
+"""A turn at a lower speed than this is a turn on the spot [m/s]."""
+
+BACK_FROM = 0.1
+"""The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""
+
+
+class Requests:
+    """Reads the words of conditions and says them to the network of one bundle.
+
+    Args:
+        bundle: of the model.
+        unjudged: whether to offer what the bundle knows and was not judged to do.
+    """
+
+    def __init__(self, bundle: Bundle, unjudged: bool = False) -> None:
+        manifest, prompts = bundle.manifest, bundle.prompts
+        self._bundle, self._manifest, self._corrections = bundle, manifest, manifest.corrections
+        known, embeddings = bundle.manners.names, bundle.manners.embeddings
+        self._manners = dict(zip(known, embeddings, strict=True))
+        self.manners = known if unjudged else offered_manners(bundle)
+        self.reader = PromptReader(
+            bundle.folder,
+            prompts.kinds,
+            prompts.embeddings,
+            bundle.listener,
+            None if unjudged else offered_kinds(bundle),
+            self.manners,
+            bundle.manner_listener,
+        )
+        self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
+        self._turning = tuple(self.reader.meaning(kind) for kind in TURNS)
+        self.read = lru_cache(maxsize=64)(self.reader)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of motion that are offered."""
+        return self.reader.offered
+
+    def prompt(self, text: str | None) -> Prompt:
+        """Meaning of a text; standing still for None."""
+        return self.reader.idle if text is None else self.read(text)
+
+    def meant(self, condition: Condition) -> Condition:
+        """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""
+        if not self._manifest.velocity or condition.wordless:
+            return condition
+        if condition.text is not None and condition.manner is None:
+            said = self.prompt(condition.text).manner
+            condition = replace(condition, manner=None if said == NORMAL else said)
+        if condition.velocity is None:
+            kind = self.prompt(condition.text).kind
+            meant, speed = phrases.velocity(kind), self._corrections.speeds.get(kind)
+            if meant is not None:
+                return self._slowed(replace(condition, text=None, velocity=meant))
+            slowed = None if speed is None else self._slowed(replace(condition, velocity=speed))
+            # Within its pace a motion follows its words alone.
+            if speed is None or slowed is None or slowed.velocity == speed:
+                return condition
+            assert slowed.velocity is not None
+            walks = hypot(*speed[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
+            # Words of running, and of turning, pull the body to their own speed: half as fast again in a turn.
+            return replace(slowed, text=None) if walks or speed[2] else slowed
+        still = condition.text is None and np.abs(condition.velocity).max() < STILL
+        return replace(condition, velocity=None) if still else self._slowed(condition)
+
+    @property
+    def travelling_noise(self) -> float:
+        """Most noise of windows that travel, relative to others."""
+        return self._corrections.travelling_noise
+
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
+        if condition.velocity is not None:
+            return condition.velocity
+        kind = self.prompt(condition.text).kind
+        return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speeds.get(kind)
+
+    def noise(self, condition: Condition) -> float:
+        """Scale of the noise that a window of a condition of `meant` begins from."""
+        if self.stands(condition):
+            return condition.noise * self._corrections.standing_noise
+        if condition.velocity is None:
+            return condition.noise
+        spot, travelling = self._corrections.spot_noise, self._corrections.travelling_noise
+        return min(condition.noise, spot if self._turns_on_the_spot(condition) else travelling)
+
+    def stands(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is that of standing still."""
+        return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
+
+    def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
+        """Write a condition of `meant` into the inputs of the network: the last row stays without it, for guidance.
+
+        Args:
+            condition: the request.
+            remembered: features of the history, not normalised, (H, F).
+            inputs: `sentence`, `velocity`, `manner` and `present`, by rows.
+
+        Raises:
+            ConfigError: the model does not know its manner.
+        """
+        present = inputs["present"]
+        present[:] = 0.0
+        velocity = self._velocity(condition, remembered)
+        if velocity is not None:
+            inputs["velocity"][:] = velocity
+            present[0, 1] = 1.0
+        if condition.wordless:
+            return
+        inputs["sentence"][:] = self._words(condition).embedding
+        present[0, 0] = 1.0
+        if self._manifest.manner:
+            present[1:-1] = present[0]  # without guidance as an input: the request in any manner
+            manner = self._manner(condition)
+            if manner is not None:
+                inputs["manner"][:] = manner
+                present[0, 2] = 1.0
+
+    def _velocity(self, condition: Condition, remembered: Float32) -> tuple[float, float, float] | None:
+        """What the network is asked for: forward, left [leg/s], turning [rad/s]; None for no velocity."""
+        if not self._manifest.velocity:
+            return None
+        if condition.wordless:
+            asked = condition.velocity
+        elif condition.velocity is None:
+            asked = condition.asked
+        else:
+            asked = self._corrected(condition.velocity, condition.asked or condition.velocity, remembered)
+        if asked is None:
+            return None
+        # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
+        forward, left = chord(*asked, seconds=self._manifest.future / self._manifest.fps)
+        leg = self._bundle.body.leg
+        return forward / leg, left / leg, asked[2]
+
+    def _corrected(
+        self, wanted: tuple[float, float, float], asked: tuple[float, float, float], remembered: Float32
+    ) -> tuple[float, float, float]:
+        """What has to be asked for, so that the motion has the wanted velocity, or keeps its course by `asked`."""
+        corrections, (ahead, aside, turning) = self._corrections, asked
+        more = self._catch_up(wanted, remembered)
+        return (
+            corrections.asked_ahead(ahead) + more[0] - corrections.ahead_per_aside * abs(aside),
+            # Bodies sway sideways in every gait: without a sideways velocity nothing is caught up with.
+            corrections.aside * (aside + more[1]) if aside else 0.0,
+            corrections.turning * turning + corrections.turning_per_aside * aside,
+        )
+
+    def _manner(self, condition: Condition) -> Float32 | None:
+        """Embedding of the manner of a request; None where the model was trained on no clip of the normal one."""
+        name = condition.manner
+        if name is None:
+            name = NORMAL if condition.text is None else self.prompt(condition.text).manner
+        if name not in self._manners and name != NORMAL:
+            raise ConfigError(
+                f"manner {name!r}: model {self._manifest.name} knows {', '.join(self._manners) or 'none'}"
+            )
+        return self._manners.get(name)
+
+    def _words(self, condition: Condition) -> Prompt:
+        """The words of the request; of a velocity without words, those of walking, or of turning on the spot."""
+        if condition.velocity is None or condition.text is not None:
+            return self.prompt(condition.text)
+        # Without words the model reaches a velocity in any manner: on its knees, or with its hands in the air.
+        forward, left, turning = condition.velocity
+        if self._turns_on_the_spot(condition):
+            return self._turning[turning < 0]
+        return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
+
+    def _catch_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
+        """Forward and left velocity added to the request for what the history lacks [m/s]."""
+        if not len(remembered):
+            return 0.0, 0.0
+        start = self._bundle.layout.blocks["root"].start
+        lacks = np.array(velocity[:2]) - self._bundle.body.leg * remembered[:, start : start + 2].mean(axis=0)
+        limit = self._corrections.catch_up_limit
+        ahead, aside = np.clip(self._corrections.catch_up * lacks, -limit, limit)
+        return float(ahead), float(aside)
+
+    @staticmethod
+    def _slowed(condition: Condition) -> Condition:
+        if condition.pace is None or condition.velocity is None:
+            return condition
+        return replace(condition, velocity=condition.pace.slowed(condition.velocity))
+
+    @staticmethod
+    def _turns_on_the_spot(condition: Condition) -> bool:
+        if condition.text is not None or condition.velocity is None:
+            return False
+        forward, left, turning = condition.velocity
+        return hypot(forward, left) < SPOT and abs(turning) >= STILL
