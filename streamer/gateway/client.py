@@ -52,7 +52,6 @@ class Client(Messages):
 
     _socket: Any = None
     _open: ExitStack
-    _ended: Ends = Ends()
 
     def __enter__(self) -> Self:
         self._connect()

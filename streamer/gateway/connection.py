@@ -84,6 +84,7 @@ class Messages:
         self._told_stop_port: int | None = None
         self.token = find_token() if token is None else token
         self._ids, self._session = itertools.count(1), uuid.uuid4().hex[:8]
+        self._ended = Ends()  # of this connection
 
     @property
     def url(self) -> str:
