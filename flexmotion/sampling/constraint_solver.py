@@ -151,7 +151,7 @@ class ConstraintSolver:
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
             change = (change + _step(jacobian, residual)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)
-        if self._moves_legs(rows.columns) and not rows.of_forces and change is not decoded:
+        if (self._moves_legs(rows.columns) or rows.of_forces) and change is not decoded:
             features[:, self._forces] = draft.joined(decode(latent + change))[:, self._forces]
         motion, _ = draft.planted(features)
         return draft.delivered(motion, found + self._travelled(change - decoded), constraints)
