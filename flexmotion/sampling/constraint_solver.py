@@ -50,9 +50,8 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 2.5 times one
-without constraints. With one, forces and contacts that the decoder predicts are those of the window before it is
-corrected."""
+"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 3 times one
+without constraints."""
 
 ARMS_CLOSE = 0.12
 """Distance over which arms bring hands in reach to their places without a correction of the latent [m]. Behind a
@@ -119,8 +118,8 @@ class ConstraintSolver:
             constraints: what is asked; values beyond `window_change.LINEAR` are left to the decoder.
             steps: corrections; without any elbows and hands are left to the arms alone, near hands always. The
                 last one sees the window as it is handed on, those before it a sketch of it; what neither arms keep nor
-                forces are has one more. The last of several sees the window decoded anew, so that forces and contacts
-                are those of the motion but for a last small change.
+                forces are has one more. The last of several sees the window decoded anew. Where legs or forces were asked,
+                forces and contacts are at last decoded from the latent as it became.
         """
         rows = self._rows(constraints, draft.balanced)
         change = np.zeros(self._tangent.size, np.float32)

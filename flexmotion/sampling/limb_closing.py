@@ -225,9 +225,8 @@ class Wanted:
     def missing(self, pose: LimbPose) -> Float:
         """What the points lack of their places, at most `FARTHEST`, (W, P, 3) [m]."""
         missing = self.places - pose.points
-        found: Float = (
-            missing * np.minimum(1.0, FARTHEST / np.maximum(np.linalg.norm(missing, axis=-1), 1e-6))[..., None]
-        )
+        farther = np.linalg.norm(missing, axis=-1, keepdims=True) / FARTHEST
+        found: Float = missing / np.maximum(farther, 1.0)
         return found
 
     def error(self, pose: LimbPose) -> float:
