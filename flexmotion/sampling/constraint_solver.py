@@ -118,8 +118,8 @@ class ConstraintSolver:
             constraints: what is asked; values beyond `window_change.LINEAR` are left to the decoder.
             steps: corrections; without any elbows and hands are left to the arms alone, near hands always. The
                 last one sees the window as it is handed on, those before it a sketch of it; what neither arms keep nor
-                forces are has one more. The last of several sees the window decoded anew. Where legs or forces were asked,
-                forces and contacts are at last decoded from the latent as it became.
+                forces are has one more. The last of several sees the window decoded anew. Where legs or forces were
+                asked, forces and contacts are at last decoded from the latent as it became.
         """
         rows = self._rows(constraints, draft.balanced)
         change = np.zeros(self._tangent.size, np.float32)
