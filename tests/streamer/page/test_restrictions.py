@@ -68,7 +68,7 @@ def test_feet_are_kept_torques_capped_arms_softened_and_all_is_let_go(run: Stand
 
 @pytest.mark.parametrize("width", [360, 390, 412])
 def test_the_button_of_a_restriction_is_beside_its_fields(run: StandIn, width: int) -> None:
-    """ "Cap" stood alone on a second line of a phone, and looked like the button of what follows."""
+    """The button "Cap" stood alone on a second line of a phone, and looked like the button of what follows."""
     page = run.page
     page.set_viewport_size({"width": width, "height": 780})
     for form in ("#keep", "#cap", "#tense"):
