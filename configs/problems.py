@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -13,6 +14,19 @@ from pydantic.fields import FieldInfo
 BaseModelType = type[BaseModel] | None
 
 _OUT_OF_RANGE = ("greater_than_equal", "less_than_equal", "greater_than", "less_than")
+_LONGEST_SHOWN = 64
+"""Characters of a text that does not match its pattern that are shown: what is expected must fit into the line."""
+
+
+@dataclass(frozen=True)
+class Wording:
+    """What a pattern matches, in words: an entry of the `Annotated` of a text, beside the pattern.
+
+    Attributes:
+        words: that follow "expected".
+    """
+
+    words: str
 
 
 def one_line(error: ValidationError, model: type[BaseModel] | None, skip: int = 0) -> tuple[str, str]:
@@ -43,6 +57,9 @@ def _told(kind: str, found: Any, message: str, known: BaseModelType, annotation:
         return f"{found!r}, expected {words}"
     if kind in _OUT_OF_RANGE and (span := _span(limits)):
         return f"{found!r}, expected {span}"
+    pattern = next((one.words for one in limits if isinstance(one, Wording)), None)
+    if kind == "string_pattern_mismatch" and pattern is not None:
+        return f"{str(found)[:_LONGEST_SHOWN]!r}, expected {pattern}"
     if kind == "string_too_short":
         return "empty, expected at least one character"
     return message.removeprefix("Value error, ")

@@ -176,12 +176,15 @@ class GaitPace(Strict):
     Attributes:
         ahead, back, aside: scaled to the robot's legs [m/s].
         turning: [rad/s].
+        reached: greatest speed ahead of the robot itself, however fast the human goes [m/s]: "faster" is refused there.
+            None: as `ahead`.
     """
 
     ahead: float = Field(gt=0)
     back: float = Field(gt=0)
     aside: float = Field(gt=0)
     turning: float = Field(gt=0)
+    reached: float | None = Field(None, gt=0)
 
 
 class Gait(Strict):

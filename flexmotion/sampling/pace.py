@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import hypot, isfinite
 
 
@@ -13,6 +13,7 @@ class Pace:
     Attributes:
         ahead, back, aside: [m/s].
         turning: [rad/s].
+        reached: the robot's own greatest speed ahead, in the scale of the human [m/s]; None: as `ahead`.
 
     Raises:
         ValueError: one of them is not positive and finite.
@@ -22,9 +23,11 @@ class Pace:
     back: float
     aside: float
     turning: float
+    reached: float | None = None
 
     def __post_init__(self) -> None:
-        if not all(isinstance(speed, float | int) and isfinite(speed) and speed > 0 for speed in asdict(self).values()):
+        speeds = [speed for name, speed in asdict(self).items() if name != "reached" or speed is not None]
+        if not all(isinstance(speed, float | int) and isfinite(speed) and speed > 0 for speed in speeds):
             raise ValueError(f"expected finite speeds above 0, found {self}")
 
     def slowed(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -36,3 +39,8 @@ class Pace:
         along, across = forward / (self.ahead if forward > 0 else self.back), left / self.aside
         share = max(hypot(along, across), abs(turning) / self.turning, 1.0)
         return forward / share, left / share, turning / share
+
+    def shown(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
+        """The velocity, slowed to what the robot shows of it: beyond `reached` it goes no faster."""
+        reached = self.ahead if self.reached is None else min(self.ahead, self.reached)
+        return replace(self, ahead=reached).slowed(velocity)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.outcome import outcome as outcome_of
 from flexmotion.streamer.report.summary import render
+from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
 
@@ -46,9 +47,7 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> Outcome:
         session.progress = show
         for service in session.services:
             if isinstance(service, GatewayService) and service.url is not None:
-                print_note(f"web: {service.url}")
-                if service.far_url is not None:
-                    print_note(f"on another machine: {service.far_url}")
+                session.next_request = _telling_address(service, session.next_request)
             if isinstance(service, LiveView):
                 print_note(f"foxglove: open the connection {service.url}")
         try:
@@ -58,6 +57,27 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> Outcome:
                 if isinstance(service, Recorder):
                     print_note(f"log: {service.result()}")
     return outcome_of(session)
+
+
+def _telling_address(
+    service: GatewayService, next_request: Callable[[], Request | None] | None
+) -> Callable[[], Request | None]:
+    """`next_request` that also prints the address of a page, once it can be opened.
+
+    On a busy machine the gateway's process listens seconds after the run has begun; until then a browser is refused.
+    """
+    told = False
+
+    def next_and_tell() -> Request | None:
+        nonlocal told
+        if not told and service.listens:
+            told = True
+            print_note(f"web: {service.url}")
+            if service.far_url is not None:
+                print_note(f"on another machine: {service.far_url}")
+        return None if next_request is None else next_request()
+
+    return next_and_tell
 
 
 def _print_event(states: bool, event: Event) -> None:

@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, field_validator
 
+from flexmotion.configs.problems import Wording
 from flexmotion.streamer.gateway.message_base import MessageBase
 
-Joint = Annotated[str, StringConstraints(pattern=r"^[\w./-]{1,64}$")]
+Joint = Annotated[str, StringConstraints(pattern=r"^[\w./-]{1,64}$"), Wording("the name of a joint")]
 """Name of a joint: letters, digits and `_./-`, 64 at most."""
 
 MOST_JOINTS, LONGEST_JOINTS = 32, 240

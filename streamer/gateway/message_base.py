@@ -6,12 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from flexmotion.configs.problems import Wording
+
 VERSION: Literal[1] = 1
 
 LONGEST_HOLD_S = 600.0
 """Longest time to live of a target [s]."""
 
-Name = Annotated[str, StringConstraints(pattern=r"^[\w.:@/ -]{1,64}$")]
+Name = Annotated[
+    str, StringConstraints(pattern=r"^[\w.:@/ -]{1,64}$"), Wording("letters, digits, blanks and _.:@/-, 64 at most")
+]
 """A word that logs and pages can show: letters, digits and `_.:@/ -`, 64 at most."""
 
 

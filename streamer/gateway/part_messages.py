@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
+from flexmotion.configs.problems import Wording
 from flexmotion.streamer.gateway.joint_messages import Joint
 from flexmotion.streamer.gateway.message_base import MessageBase
 from flexmotion.streamer.gateway.restriction_messages import NAMED_JOINT
@@ -33,6 +34,9 @@ _Coordinate = Annotated[float, Field(ge=-FARTHEST_HAND_M, le=FARTHEST_HAND_M)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
 _PARTS = "all|left hand|right hand|head|left foot|right foot|both feet"
 _NAMED = rf"joint [\w./-]{{1,64}}|torque {NAMED_JOINT}|{TENSION}({'|'.join(TENSION_LIMBS)})"
+_PART_WORDS = Wording(
+    ", ".join((*_PARTS.split("|"), "joint NAME", "torque NAME", *(f"{TENSION}{limb}" for limb in TENSION_LIMBS)))
+)
 _InS = Annotated[float, Field(ge=0.0, le=LONGEST_S, description="time until it is there [s]")]
 _Angle = Annotated[float, Field(ge=0.0, le=math.pi, description="[rad]")]
 
@@ -130,7 +134,7 @@ class RelaxMessage(MessageBase):
     """
 
     type: Literal["relax"] = "relax"
-    part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|{_NAMED})$")] = "all"
+    part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|{_NAMED})$"), _PART_WORDS] = "all"
 
 
 PartMessages = HandMessage | PointMessage | LookMessage | JointMessage | RelaxMessage

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,7 +30,10 @@ def check_free(address: str, port: int, option: str) -> None:
         with bound(address, port):
             pass
     except OSError as error:
-        raise ConfigError(f"{option}: {address}:{port} cannot be listened on: {error.strerror or error}") from error
+        taken = "; does another run use it? give another port" if error.errno == errno.EADDRINUSE else ""
+        raise ConfigError(
+            f"{option}: {address}:{port} cannot be listened on: {error.strerror or error}{taken}"
+        ) from error
 
 
 def any_free(address: str = "127.0.0.1") -> int:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
+from flexmotion.configs.problems import Wording
 from flexmotion.streamer.gateway.message_base import MessageBase
 from flexmotion.streamer.motion.restriction_intents import (
     LEAST_NM,
@@ -48,7 +49,7 @@ class TorqueMessage(MessageBase):
     """
 
     type: Literal["torque"] = "torque"
-    joint: Annotated[str, StringConstraints(pattern=rf"^{NAMED_JOINT}$")]
+    joint: Annotated[str, StringConstraints(pattern=rf"^{NAMED_JOINT}$"), Wording("the name of a joint")]
     limit_nm: Annotated[float, Field(ge=LEAST_NM, le=MOST_NM)]
 
 

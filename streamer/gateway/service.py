@@ -23,6 +23,7 @@ from flexmotion.streamer.gateway.ports import bound, check_free
 from flexmotion.streamer.gateway.ways import Way, began, ended
 from flexmotion.streamer.motion.heard import HeardChannel
 from flexmotion.streamer.motion.targets import TargetMailbox
+from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import RequestChannel
 
 _BUSY_S, _IDLE_S = 0.002, 0.02
@@ -99,10 +100,15 @@ class GatewayService:
         if admission is not None:
             check_free(admission.address, self.port, "--web-port")
         self.targets = targets.sender()
-        self.requests = RequestChannel()
+        self.requests, self._listens = RequestChannel(), Heartbeat()
         names = [*(one.name for one in transports), *(["standard input"] if lines is not None else [])]
         self.ways = tuple(Way(f"targets over {name}", self.requests) for name in names)
         self.health = Health(self.ways) if stops is None else Health((*self.ways, *stops.ways), stops.alive)
+
+    @property
+    def listens(self) -> bool:
+        """Whether its port is open: it is not before the run has begun."""
+        return self._listens.beats > 0
 
     @property
     def url(self) -> str | None:
@@ -258,6 +264,7 @@ class _Server:
         )
         self._server = uvicorn.Server(config)
         with bound(admission.address, self.service.port) as listening:
+            self.service._listens.beat()
             await self._server.serve(sockets=[listening])
 
 

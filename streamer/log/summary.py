@@ -73,7 +73,7 @@ def describe(log: Log) -> dict[str, Any]:
         },
         "limits": {"violations_sent": record.violations_sent, "repairs": record.repairs},
         "safety": {
-            "final_state": State(states[-1]).name if len(rows) else State.OFF.name,
+            "final_state": State(states[-1]).name if len(rows) else None,
             "faults": [event.message for event in log.events if event.kind == "fault"],
             "hardware_failed": record.hardware_failed,
         },
@@ -88,6 +88,14 @@ def describe(log: Log) -> dict[str, Any]:
         },
         "attachments": {name: len(content) for name, content in sorted(log.files.items())},
     }
+
+
+def _last_state(content: dict[str, Any]) -> str:
+    """The state in which the run ended, or, of a log that was cut off, the last one that it holds."""
+    state = content["safety"]["final_state"]
+    if state is None:
+        return "unknown state: the log holds no tick"
+    return f"ended {state}" if content["whole"] else f"last seen in {state}"
 
 
 def render_log(content: dict[str, Any]) -> RenderableType:
@@ -115,7 +123,7 @@ def render_log(content: dict[str, Any]) -> RenderableType:
     repairs = ", ".join(f"{kind} {count}" for kind, count in content["limits"]["repairs"].items())
     about.add_row("limits", f"{content['limits']['violations_sent']} violations sent; repairs: {repairs}")
     faults = "; ".join(content["safety"]["faults"]) or "no fault"
-    about.add_row("safety", f"ended {content['safety']['final_state']}, {faults}")
+    about.add_row("safety", f"{_last_state(content)}, {faults}")
     topics = _table("topic", "messages", "schema", "encoding", "MB")
     for name, topic in content["topics"].items():
         topics.add_row(name, str(topic["messages"]), topic["schema"], topic["encoding"], f"{topic['bytes'] / 1e6:.2f}")

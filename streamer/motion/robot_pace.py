@@ -17,4 +17,5 @@ def human_pace(robot: Robot, body: Body) -> Pace | None:
     if own is None:
         return None
     ratio = body.leg / WholeBody(robot).leg_length
-    return Pace(own.ahead * ratio, own.back * ratio, own.aside * ratio, own.turning)
+    reached = None if own.reached is None else own.reached * ratio
+    return Pace(own.ahead * ratio, own.back * ratio, own.aside * ratio, own.turning, reached)

@@ -54,13 +54,16 @@ class Speeds:
         return f"a human's {velocity_text(found)}, so that the robot can follow"
 
     def changed(self, step: Step, factor: float) -> Step:
-        """The step at another speed, within the limits; the same step where it has only one or is at a limit."""
+        """The step at another speed, within the limits; the same step where it has only one or is at a limit.
+
+        The change is of the speed that the robot shows: a human who goes faster than it can makes no change of it.
+        """
         base = self._velocity(step)
         if base is None:
             return step
-        manner = self._manner(step)
+        manner, base = self._manner(step), self._shown(base)
         limited = Condition(velocity=_clipped(base, factor), pace=self.pace)
-        velocity = self.model.meant(limited).velocity or base
+        velocity = self._shown(self.model.meant(limited).velocity or base)
         change = float(np.abs(velocity).max() / max(np.abs(base).max(), 1e-9))
         if (factor > 1.0 and change < 1.03) or (factor < 1.0 and self._share(velocity) < SLOWEST):
             return step
@@ -83,6 +86,9 @@ class Speeds:
             case _:
                 return None
         return self.model.meant(condition).velocity if self.model.follows_velocity else None
+
+    def _shown(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
+        return velocity if self.pace is None else self.pace.shown(velocity)
 
     def _share(self, velocity: tuple[float, float, float]) -> float:
         """Share of the pace that a velocity takes."""

@@ -190,6 +190,20 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"arm"}') is None
 
 
+def test_a_misspelt_part_is_answered_with_the_parts_there_are() -> None:
+    """The answer to "relax al" was a regular expression."""
+    for message, expected in (
+        ('{"type":"relax","part":"al"}', "relax.part: 'al', expected all, left hand, right hand"),
+        ('{"type":"joint","joint":"l el","angle_rad":0}', "joint.joint: 'l el', expected the name of a joint"),
+        ('{"type":"torque","joint":"!","limit_nm":1}', "torque.joint: '!', expected the name of a joint"),
+        ('{"type":"hold","source":"a;b"}', "hold.source: 'a;b', expected letters, digits"),
+        ('{"type":"relax","part":"' + 900 * "x" + '"}', "tension head"),
+    ):
+        with pytest.raises(MessageError) as error:
+            decode(message)
+        assert expected in str(error.value) and "pattern" not in str(error.value)
+
+
 def test_a_part_that_is_let_go_before_it_is_there_is_refused() -> None:
     with pytest.raises(MessageError, match=r"ttl_s: 0.4 s, expected more than in_s, 0.5 s"):
         decode(b'{"type":"look","direction":[1,0,0],"ttl_s":0.4}')

@@ -8,17 +8,19 @@ import socket
 import threading
 from collections.abc import Callable
 from http.client import HTTPConnection
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.sync.server import serve
 
-from flexmotion.configs.errors import ConfigError, GatewayError
+from flexmotion.configs.errors import ConfigError, DriverError, GatewayError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.streaming import stream
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.async_client import AsyncClient
 from flexmotion.streamer.gateway.client import Client
@@ -28,6 +30,7 @@ from flexmotion.streamer.gateway.server import Connections
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 from ...waiting import HANGING_S, wait_until
 from .conftest import Answering, Begin, Office, Run
@@ -292,7 +295,9 @@ def test_further_connections_than_admitted_are_refused(begin: Begin) -> None:
 
 def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run, op3: Robot) -> None:
     gateway = begin()
-    with pytest.raises(ConfigError, match=rf"--web-port: 127.0.0.1:{gateway.port} cannot be listened on"):
+    with pytest.raises(
+        ConfigError, match=rf"--web-port: 127.0.0.1:{gateway.port} cannot be listened on: .*another port"
+    ):
         GatewayService(op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=gateway.port)
 
 
@@ -361,6 +366,45 @@ def test_the_page_is_named_by_an_address_that_can_be_opened(
     )
     assert service.url == f"{here}:{port}"
     assert service.far_url == (None if elsewhere is None else f"{elsewhere}:{port}/#token=TOKEN")
+
+
+def test_the_address_is_printed_once_the_page_can_be_opened(
+    run: Run, op3: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was printed seconds before the port was open, and `flexmotion send` said that no run listens."""
+
+    class Started:
+        """A session whose gateway listens some polls after the run has begun."""
+
+        robot, source, seconds, stay, next_request = op3, SimpleNamespace(name="a test"), None, True, None
+
+        def __init__(self) -> None:
+            self.services = (
+                GatewayService(
+                    op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=any_free()
+                ),
+            )
+
+        def run(self) -> None:
+            gateway = self.services[0]
+            assert self.next_request is not None and not gateway.listens
+            self.next_request()
+            assert "web:" not in capsys.readouterr().err
+            end = gateway.follow()
+            try:
+                wait_until(lambda: gateway.listens, "the gateway to listen")
+                self.next_request()
+                assert f"web: {gateway.url}" in capsys.readouterr().err
+                with connect(f"ws://127.0.0.1:{gateway.port}/targets"):
+                    pass
+                self.next_request()
+                assert not capsys.readouterr().err  # once
+            finally:
+                end(True)
+            raise DriverError("the test is over")
+
+    with pytest.raises(DriverError, match="the test is over"):
+        stream(cast(Session, Started()))
 
 
 def test_a_machine_that_nobody_knows_is_told_in_words() -> None:

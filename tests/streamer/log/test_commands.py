@@ -37,6 +37,25 @@ def test_show(logged: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["log", "show", str(logged.path)]) == 0
     text = capsys.readouterr().out
     assert "op3 on sim" in text and "wave" in text and "/plan" in text
+    assert "ended OFF, no fault" in text
+
+
+@pytest.mark.parametrize(
+    ("bytes_kept", "state", "told"),
+    [(0.5, "STREAMING", "last seen in STREAMING"), (20_000, None, "unknown state: the log holds no tick")],
+    ids=["in the middle", "before the first tick"],
+)
+def test_a_log_that_was_cut_off_claims_no_end(
+    logged: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], bytes_kept: float, state: str | None, told: str
+) -> None:
+    """A log without a single tick said "ended OFF, no fault"."""
+    content = logged.path.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(content[: int(bytes_kept * len(content) if bytes_kept < 1 else bytes_kept)])
+    assert execute(["log", "show", str(cut), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["safety"]["final_state"] == state
+    assert execute(["log", "show", str(cut)]) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
 
 
 def test_plot_draws_what_the_report_draws(logged: Any, tmp_path: Path) -> None:

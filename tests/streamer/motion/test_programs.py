@@ -110,6 +110,27 @@ def test_faster_and_slower_stay_within_the_robots_pace(hearing: Hearing) -> None
     assert "greatest speed" in str(faster.heard.reason)
 
 
+def test_a_change_that_the_robot_cannot_show_is_refused(hearing: Hearing) -> None:
+    """At .74 m/s of the human "faster" was accepted, to .9; the robot went .176 m/s before, and .177 after.
+
+    "Slower" of a walk at .9 m/s was .63 m/s, which was a tenth less of the robot's speed, not 30 %.
+    """
+    pace = hearing.pace
+    assert pace is not None and pace.reached is not None and pace.reached < 0.8 * pace.ahead
+    walking = hearing(Text("walk forward"))
+    slower = hearing(Text("slower"), walking)
+    intent = slower.steps[0].intent
+    assert isinstance(intent, Velocity) and intent.forward == pytest.approx(0.7 * pace.reached)
+    at_most = hearing(Text("much faster"), slower)
+    intent = at_most.steps[0].intent
+    assert at_most.heard.state == "accepted"
+    assert isinstance(intent, Velocity) and intent.forward == pytest.approx(pace.reached)
+    for program in (at_most, hearing(Velocity(0.74, 0.0, 0.0)), walking):
+        refused = hearing(Text("faster"), program)
+        assert refused.heard.state == "refused" and "greatest speed" in str(refused.heard.reason)
+        assert [step.intent for step in refused.steps] == [step.intent for step in program.steps]
+
+
 @given(PHRASES | st.text(max_size=40))
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_sentence_is_a_program_or_a_refusal_and_bounded(hearing: Hearing, words: str) -> None:

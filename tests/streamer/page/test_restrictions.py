@@ -66,6 +66,17 @@ def test_feet_are_kept_torques_capped_arms_softened_and_all_is_let_go(run: Stand
     assert page.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"] and not run.problems
 
 
+@pytest.mark.parametrize("width", [360, 390, 412])
+def test_the_button_of_a_restriction_is_beside_its_fields(run: StandIn, width: int) -> None:
+    """The button "Cap" stood alone on a second line of a phone, and looked like the button of what follows."""
+    page = run.page
+    page.set_viewport_size({"width": width, "height": 780})
+    for form in ("#keep", "#cap", "#tense"):
+        boxes = [one.bounding_box() for one in page.locator(f"{form} > select, {form} > input, {form} > button").all()]
+        assert len(boxes) >= 2 and len({round(box["y"]) for box in boxes if box}) == 1, (form, boxes)
+        assert all(box is not None and box["x"] + box["width"] <= width and box["height"] >= 44.0 for box in boxes)
+
+
 def test_every_joint_that_is_offered_is_one_that_a_run_understands(run: StandIn) -> None:
     names = run.page.eval_on_selector_all("#capped option", "found => found.map((one) => one.value)")
     assert len(names) == len(set(names)) == 15
