@@ -186,6 +186,12 @@ class GaitPace(Strict):
     turning: float = Field(gt=0)
     reached: float | None = Field(None, gt=0)
 
+    @model_validator(mode="after")
+    def _reached_of_ahead(self) -> GaitPace:
+        if self.reached is not None and self.reached > self.ahead:
+            raise ValueError(f"reached is {self.reached:g}, expected at most ahead, {self.ahead:g}")
+        return self
+
 
 class Gait(Strict):
     """Limits of walking.

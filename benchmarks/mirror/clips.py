@@ -106,7 +106,8 @@ def paired(human: Sequence[float], robot: Sequence[float]) -> list[float]:
     """
     delays = np.subtract.outer(np.asarray(robot, float), np.asarray(human, float)).T
     far = (delays < -EARLY_S) | (delays >= LATEST_S)
-    rows, columns = linear_sum_assignment(np.where(far, UNPAIRED_S, np.abs(delays)))
+    # The squares tell pairs apart that cross from those that do not, whose sum of delays is the same.
+    rows, columns = linear_sum_assignment(np.where(far, UNPAIRED_S, np.abs(delays) + 1e-3 * delays**2))
     return [float(delays[row, column]) for row, column in zip(rows, columns, strict=True) if not far[row, column]]
 
 

@@ -137,9 +137,8 @@ class ConstraintSolver:
                 features = begun = draft.joined(found)
             if last and exact or rows.of_forces:
                 motion, slip = draft.planted(features)
-                # Forces are shared between the feet as asked before what the motion lacks of them is seen.
-                motion = draft.sharing(motion, constraints)
-                window = draft.delivered(motion, found + self._travelled(change - decoded)).window
+                travelled = found + self._travelled(change - decoded)
+                window = draft.delivered(motion, travelled, constraints, closes=False).window
                 pose = WindowPose.of(window, draft.anchor)
                 holding = None if slip is None else slip.holding.turned(-draft.anchor.yaw)
             else:

@@ -20,7 +20,7 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
-from flexmotion.sampling.limb_closing import LEG, asked_feet, closed
+from flexmotion.sampling.limb_closing import LEG, closed, staying
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
@@ -86,11 +86,9 @@ class Draft:
         """Heel and toe of both feet in the last known frame, in the frame of the window, (1, 2, 2, 3) [m]."""
         return WindowPose.of(self.history[len(self.history) - 1 :], self.anchor).feet
 
-    def sharing(self, motion: Motion, constraints: Constraints) -> Motion:
-        """A planted window with the ground forces, their places and the standing feet that are asked."""
-        return _with_forces(motion, constraints, self.anchor) if self.balanced else motion
-
-    def delivered(self, motion: Motion, found: Float32, constraints: Constraints | None = None) -> Delivered:
+    def delivered(
+        self, motion: Motion, found: Float32, constraints: Constraints | None = None, *, closes: bool = True
+    ) -> Delivered:
         """A planted window as it is handed on.
 
         Args:
@@ -98,17 +96,21 @@ class Draft:
             found: features that it was decoded from, before they were joined to the history.
             constraints: what is asked of its limbs is kept by them, as far as they reach; contact forces that are asked
                 take the place of the decoder's, as far as the motion allows; so do activations that are asked.
+            closes: whether its limbs do that; else the window is balanced as if they did, and shows what is missing.
         """
 
         def finish(window: Motion) -> Motion:
-            return window if constraints is None else closed(window, self.anchor, constraints)
+            return window if constraints is None or not closes else closed(window, self.anchor, constraints)
 
         if not self.balanced:
             made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
         else:
+            stays = None
             if constraints is not None:
-                motion = self.sharing(closed(motion, self.anchor, constraints, (LEG,)), constraints)
-            stays = None if constraints is None else asked_feet(constraints)
+                reaching = closed(motion, self.anchor, constraints, (LEG,))
+                stays = staying(reaching, self.anchor, constraints)
+                # Forces are shared between the feet as asked before what the motion lacks of them is seen.
+                motion = _with_forces(reaching if closes else motion, constraints, self.anchor)
             made = delivered(motion, self.history, self._accelerations(found), finish, stays)
         return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
 

@@ -119,7 +119,7 @@ class Requests:
         return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
 
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
-        """Write a condition of `meant` into the inputs of the network: the last row stays without it, for guidance.
+        """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.
 
         Args:
             condition: the request.

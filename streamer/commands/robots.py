@@ -112,7 +112,7 @@ def _detail(robot: Robot) -> dict[str, Any]:
     pace = robot.gait.pace
     speeds = None
     if pace is not None:
-        speeds = {f"{name}_{'rad' if name == 'turning' else 'm'}_s": speed for name, speed in pace}
+        speeds = {f"{name}_{'rad' if name == 'turning' else 'm'}_s": speed for name, speed in pace if speed is not None}
     get_up = {"sides": list(robot.get_up.steps), "unfit": dict(robot.get_up.unfit)}
     return _summary(robot) | {"pace": speeds, "gets_up": get_up, "joint_list": joints}
 
@@ -124,6 +124,7 @@ def _pace(robot: Robot) -> str:
     return (
         f"Generated motion is slowed to this robot's pace: {pace.ahead:g} m/s ahead, {pace.back:g} back, "
         f"{pace.aside:g} aside, turning {pace.turning:g} rad/s"
+        + ("" if pace.reached is None else f". It walks at {pace.reached:g} m/s at most")
     )
 
 

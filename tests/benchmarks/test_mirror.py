@@ -67,6 +67,7 @@ def test_each_step_of_the_robot_is_of_one_of_the_human() -> None:
     assert sooner == pytest.approx([-0.03, -0.08, -0.203, -0.31])
     assert paired([1.0, 2.1, 3.2], [1.9, 3.0, 4.1]) == pytest.approx([0.9] * 3)  # and not the next one, early
     assert paired([1.0, 2.0], [2.1]) == pytest.approx([0.1])
+    assert paired([0.908, 1.819], [1.831, 1.943]) == pytest.approx([0.923, 0.124])  # in their order
     assert paired([1.0], [0.5, 2.3]) == [] and paired([], [1.0]) == [] and paired([1.0], []) == []
 
 

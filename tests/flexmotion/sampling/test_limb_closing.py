@@ -13,7 +13,7 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.human.skeleton import JOINTS
-from flexmotion.sampling.limb_closing import ARM, LEG, asked_feet, closable, closed
+from flexmotion.sampling.limb_closing import ARM, LEG, closable, closed, staying
 
 FRAMES = 32
 RIGHT = ARM.of_joints("r")
@@ -76,13 +76,16 @@ def test_a_foot_is_brought_to_its_places_by_its_leg_and_keeps_its_direction(
     np.testing.assert_array_equal(found.joints[:, others], motion.joints[:, others])
 
 
-def test_a_foot_out_of_reach_comes_as_near_as_its_leg_is_long(window: tuple[Motion, Anchor, Constraints]) -> None:
+def test_a_foot_that_is_far_from_its_place_is_left_to_the_walk(window: tuple[Motion, Anchor, Constraints]) -> None:
+    # A leg that was stretched after its place for as long as the body walked on left the body without ground.
     motion, anchor, nothing = window
     human = forward(motion)
     places = anchor.local(human.ankle[:, 1]) + [0.0, -2.0, 0.0]
     found = closed(motion, anchor, nothing.place("ankle_r", slice(10, None), places[10:]))
-    moved = forward(found)
-    assert anchor.local(moved.ankle[:, 1])[-1, 1] < anchor.local(human.ankle[:, 1])[-1, 1] - 0.3
+    np.testing.assert_allclose(found.joints, motion.joints, atol=1e-6)
+    near = anchor.local(human.ankle[:, 1]) + [0.0, -0.35, 0.0]
+    found = closed(motion, anchor, nothing.place("ankle_r", slice(10, None), near[10:]))
+    assert anchor.local(forward(found).ankle[:, 1])[-1, 1] < anchor.local(human.ankle[:, 1])[-1, 1] - 0.15
     low, high = joint_limits()[LEG.of_joints("r")].T
     assert (found.joints[:, LEG.of_joints("r")] >= np.minimum(low, motion.joints[:, LEG.of_joints("r")]) - 1e-9).all()
     assert (found.joints[:, LEG.of_joints("r")] <= np.maximum(high, motion.joints[:, LEG.of_joints("r")]) + 1e-9).all()
@@ -94,6 +97,25 @@ def test_what_is_not_asked_of_limbs_is_left_alone(window: tuple[Motion, Anchor, 
     assert closed(motion, anchor, asked) is motion
     assert closable(asked, (ARM,)).sum() == 3 * 4  # elbows and hands
     assert closable(asked).sum() == 3 * 10  # and ankles, heels, toes
-    assert not asked_feet(asked).any()
-    kept = asked_feet(nothing.place("toe_r", slice(4, 8), np.zeros((4, 3))))
-    assert kept[4:8, 1].all() and kept.sum() == 4
+    assert staying(motion, anchor, asked) is None
+
+
+def test_a_foot_stays_where_it_is_asked_to_be_and_not_where_its_leg_cannot_reach(
+    window: tuple[Motion, Anchor, Constraints],
+) -> None:
+    # A foot was taken to stay at a place that was out of its leg's reach: the body was balanced over nothing.
+    motion, anchor, nothing = window
+    toe = anchor.local(forward(motion).toe[:, 1])
+    asked = nothing.place("toe_r", slice(4, 8), toe[4:8] + [0.0, 0.01, 0.0])
+    kept = staying(motion, anchor, asked)
+    assert kept is not None and kept[4:8, 1].all() and kept.sum() == 4
+    far = staying(motion, anchor, nothing.place("toe_r", slice(4, 8), toe[4:8] + [0.0, 0.5, 0.0]))
+    assert far is not None and not far.any()
+    assert staying(motion, anchor, nothing.place("toe_r", slice(4, 8), toe[4:8] * [np.nan, 1.0, np.nan])) is None
+
+
+def test_no_foot_is_brought_below_the_floor(window: tuple[Motion, Anchor, Constraints]) -> None:
+    motion, anchor, nothing = window
+    heel = anchor.local(forward(motion).heel[:, 0])
+    found = closed(motion, anchor, nothing.place("heel_l", slice(None), heel - [0.0, 0.0, 0.3]))
+    assert forward(found).heel[:, 0, 2].min() > min(0.0, heel[:, 2].min()) - 0.01
