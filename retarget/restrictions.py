@@ -1,4 +1,4 @@
-"""`Restrictions`: what holds whatever the human does: feet that stay, torque caps, how stiff limbs follow."""
+"""`Restrictions`: what holds whatever the human does: places of feet, torque caps, how stiff limbs follow."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.retarget.foot_places import FootGoal
+
 
 @dataclass(frozen=True)
 class Restrictions:
@@ -16,12 +18,16 @@ class Restrictions:
     Attributes:
         planted: feet that stay on the ground where they are, 0 left, 1 right. While there is one no human's step is
             made: a walk needs both.
+        placed: where a foot is to be that may move; None: nowhere. No other step is made then, of either foot.
+        astride: the feet stay as they have landed: a stop does not put them side by side.
         caps: greatest torque by column of the joint [N·m], above 0.
         tension: of limbs, in place of the human's, in [0, 1], by their place in
             `flexmotion.biomechanics.tension.LIMBS`.
     """
 
     planted: frozenset[int] = frozenset()
+    placed: FootGoal | None = None
+    astride: bool = False
     caps: Mapping[int, float] = field(default_factory=dict)
     tension: Mapping[int, float] = field(default_factory=dict)
 

@@ -80,6 +80,10 @@ class RetargetState(Record):
     """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
     planted: Float = column("f8", 2)
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
+    placed: Float = column("f8", 5)
+    """Where a foot is to be: the fields of `FootGoal` in order; -1: no foot is to be anywhere."""
+    astride: Float = column("f8")
+    """1 where the feet stay as they have landed, though no human is followed; else 0."""
     tension: Float = column("f8", len(LIMBS))
     """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
     asked_tension: Float = column("f8", len(LIMBS))
@@ -123,5 +127,6 @@ class StateLayout:
         state.detector[...] = ContactDetector().initial()
         state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
+        state.placed[...] = -1.0
         state.drift[...] = state.asked_tension[...] = np.nan
         return vector
