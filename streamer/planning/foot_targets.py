@@ -67,7 +67,7 @@ class FootTargets:
         publish: is given the answer to every target, once, and later versions; on_note: a message for the operator.
 
     Attributes:
-        astride: a stop has ended one: the feet stay as they have landed while the stop is in force.
+        astride: a stop has ended one: the feet stay as they have landed until something new is asked for.
     """
 
     def __init__(
@@ -88,7 +88,8 @@ class FootTargets:
     def holds(self, part: str) -> bool:
         """Whether a foot of a name of `Relax` is asked to be somewhere."""
         asked = [target.intent for target, _ in self._waiting] + ([] if self._held is None else [self._held.intent])
-        return any(isinstance(intent, FootPlace) and Relax(part).ends(intent.part) for intent in asked)
+        placed = any(isinstance(intent, FootPlace) and Relax(part).ends(intent.part) for intent in asked)
+        return placed or (self.astride and part in FOOT_PARTS.values())
 
     def let_go(self, part: str) -> None:
         """Let feet go on a request that is answered elsewhere; `part`: as of `Relax`."""
@@ -97,6 +98,7 @@ class FootTargets:
         self._waiting = [one for one in self._waiting if not _is_of(one[0], part)]
         if self._held is not None and _is_of(self._held.target, part):
             self._supersede()
+        self.gather()
 
     def update(
         self, row: TickRow, tick: float, now_s: float, playing: Plan | None, travels: bool, restrictions: Restrictions
@@ -116,10 +118,10 @@ class FootTargets:
             for target, _ in waiting:
                 self._tell(target, "refused", ended)
             self.astride = (self.astride or self._held is not None) and State(int(row.state)) in _STANDS
-            self.give_way(ended)
+            # The plan that stops makes no step for it, and none is asked for once the stop is released.
+            self._end(ended, "refused")
             self._answer_all()
             return
-        self.astride = False
         self._answer(row)
         held = self._held
         if held is not None and held.until <= tick:
@@ -155,10 +157,20 @@ class FootTargets:
         Args:
             state: of the answer, where it has none yet.
         """
+        if self._held is not None:
+            self._revisions.change()
+        self._end(reason, state)
+
+    def gather(self) -> None:
+        """Feet that a stop has left as they were may come side by side."""
+        if self.astride:
+            self._revisions.change()
+        self.astride = False
+
+    def _end(self, reason: str, state: Fate) -> None:
         held, self._held = self._held, None
         if held is None:
             return
-        self._revisions.change()
         if not held.answered:
             self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
         self._on_note(f"over: {held.intent}: {reason}")
@@ -249,13 +261,15 @@ class FootTargets:
         words = words_of(intent)
         heard = Heard(id=target.id, asked=words, state="accepted", heard_as=FOOT_PARTS[intent.side], moved=found.moved)
         self._supersede()
+        self.gather()
         until = born + target.holds_s * self._rate
         self._held = _Held(target, intent, goal, until, heard, self._revisions.change())
 
     def _relax(self, target: Target, intent: Relax) -> None:
-        if self._held is None or not intent.ends(self._held.intent.part):
+        if not self.holds(intent.part):
             raise ConfigError(f"relax: {intent.part!r} is asked for nothing")
         self._supersede()
+        self.gather()
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
         self._let_go.append((self._revisions.newest, heard))
 
@@ -328,4 +342,4 @@ def _is_of(target: Target, part: str) -> bool:
 
 
 def _kept(foot: str) -> str:
-    return f"{foot} kept down: let it go first (relax {foot!r})"
+    return f"it is kept down: let it go first (relax {foot!r})"

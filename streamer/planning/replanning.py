@@ -190,6 +190,7 @@ class Replanner:
             stands_at, stays = partial(self._stands_at, row, join), self.restrictions.stays
             if not self._turns.to_target(target, current, join, row, stands_at, stays):
                 return False
+            self.feet.gather()
             if self._travels:
                 self.feet.give_way(f"{words_of(target.intent)!r} needs the feet", "superseded")
         elif self._runner is not None and self._runner.wanted is not None:
@@ -315,8 +316,8 @@ class Replanner:
 
     @property
     def _travels(self) -> bool:
-        """Whether the robot is asked to move from its place, or to turn."""
-        return self._runner is not None and self._runner.travels
+        """Whether the robot is asked to move from its place, or to turn, and that is not over."""
+        return self._runner is not None and self._runner.travels and not self.ledger.halted
 
     @property
     def has_target(self) -> bool:
