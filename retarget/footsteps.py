@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot_file import Gait
 from flexmotion.retarget.cadence import Cadence, OwnStep
-from flexmotion.retarget.foot_places import FootGoal
+from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.footholds import Footholds
 from flexmotion.retarget.human import Swing
 from flexmotion.retarget.human_steps import is_consumed, is_step

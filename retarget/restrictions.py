@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.foot_places import FootGoal
+from flexmotion.retarget.foot_goal import FootGoal
 
 
 @dataclass(frozen=True)
@@ -18,18 +18,18 @@ class Restrictions:
     Attributes:
         planted: feet that stay on the ground where they are, 0 left, 1 right. While there is one no human's step is
             made: a walk needs both.
-        placed: where a foot is to be that may move; None: nowhere. No other step is made then, of either foot.
-        astride: the feet stay as they have landed: a stop does not put them side by side.
         caps: greatest torque by column of the joint [N·m], above 0.
         tension: of limbs, in place of the human's, in [0, 1], by their place in
             `flexmotion.biomechanics.tension.LIMBS`.
+        placed: where a foot is to be that may move; None: nowhere. No other step is made then, of either foot.
+        astride: the feet stay as they have landed: a stop does not put them side by side.
     """
 
     planted: frozenset[int] = frozenset()
-    placed: FootGoal | None = None
-    astride: bool = False
     caps: Mapping[int, float] = field(default_factory=dict)
     tension: Mapping[int, float] = field(default_factory=dict)
+    placed: FootGoal | None = None
+    astride: bool = False
 
     def cap(self, joints: int) -> NDArray[np.float64]:
         """Greatest torque of each joint of a robot, (n,) [N·m]; infinite where there is none."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.retarget import balance, posture
-from flexmotion.retarget.foot_places import FootGoal
+from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.footsteps import FeetState, FootstepPlanner
 from flexmotion.retarget.joining import Absorbed, JoinAbsorber
 from flexmotion.retarget.schedule import SHIFT_S, Schedule

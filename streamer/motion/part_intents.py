@@ -34,10 +34,11 @@ HEAD = "head"
 Vector = tuple[float, float, float]
 
 
-def _require_vector(word: str, value: Any, bound: float) -> None:
-    if not isinstance(value, tuple) or len(value) != 3:
-        raise ConfigError(f"{word}: expected three numbers, [x, y, z]; found {value!r}")
-    require_numbers(f"{word}: expected [x, y, z]", value, bound)
+def _require_vector(word: str, value: Any, bound: float, axes: str = "x, y, z") -> None:
+    count = len(axes.split(", "))
+    if not isinstance(value, tuple) or len(value) != count:
+        raise ConfigError(f"{word}: expected {count} numbers, [{axes}]; found {value!r}")
+    require_numbers(f"{word}: expected [{axes}]", value, bound)
 
 
 def _require_direction(word: str, value: Any) -> None:
@@ -114,9 +115,7 @@ class FootPlace(Logged):
 
     def __post_init__(self) -> None:
         require_choice("foot: side", self.side, SIDES)
-        if not isinstance(self.place, tuple) or len(self.place) != 2:
-            raise ConfigError(f"foot: place: expected two numbers, [x, y]; found {self.place!r}")
-        require_numbers("foot: place: expected [x, y]", self.place, FARTHEST_FOOT_M)
+        _require_vector("foot: place", self.place, FARTHEST_FOOT_M, "x, y")
         require_numbers("foot: heading: expected radians", (self.heading,), _WIDEST_RAD)
         _require_timing("foot", self.in_s, self.tolerance, FARTHEST_FOOT_M)
         require_numbers("foot: tolerance_rad: expected radians", (self.tolerance_rad,), _WIDEST_RAD, 0.0)

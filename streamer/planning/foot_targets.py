@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.retarget.foot_places import FootGoal
+from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.restrictions import Restrictions
 from flexmotion.retarget.retargeter import Retargeter
