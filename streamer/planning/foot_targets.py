@@ -126,6 +126,8 @@ class FootTargets:
         held = self._held
         if held is not None and held.until <= tick:
             self.give_way(f"its time is over ({held.target.holds_s:g} s)")
+        elif travels:
+            self.give_way("the robot is to walk")
         elif held is not None and held.goal.side in restrictions.planted:
             self.give_way(_kept(held.foot))
         elif held is not None and (capped := self._capped(restrictions)) and tick < (held.lands or np.inf):
@@ -179,6 +181,11 @@ class FootTargets:
     def goal(self) -> FootGoal | None:
         """Where a foot is to be, for the retargeter."""
         return None if self._held is None else self._held.goal
+
+    @property
+    def leads(self) -> bool:
+        """Whether plans bring a foot to a place, also those that follow no human: a stop needs another one."""
+        return self._held is not None
 
     @property
     def newest(self) -> int:

@@ -235,7 +235,7 @@ class Replanner:
             effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
-            leads=self.parts.leads(planned.plan),
+            leads=self.feet.leads or self.parts.leads(planned.plan),
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,

@@ -146,8 +146,12 @@ def test_a_human_who_walks_makes_no_step_meanwhile(retargeter: Retargeter, walk:
 
 
 def test_a_stop_leaves_the_feet_astride_where_it_is_told_to(retargeter: Retargeter) -> None:
-    plan = retargeter.plan(retargeter.standing(), None, 0, 0, restrictions=Restrictions(placed=AHEAD))
-    for tick, steps in ((20, 0), (100, 0), (len(plan) - 1, 0)):
+    goal = replace(AHEAD, due=150.0)
+    plan = retargeter.plan(retargeter.standing(), None, 0, 0, restrictions=Restrictions(placed=goal))
+    (step,) = plan.steps
+    settled = step.lift - round(UNHURRIED_S * RATE)
+    for tick in (settled - 20, settled + 5, step.lift + 10, len(plan) - 1):
         stopped = retargeter.plan(plan.states[tick], None, 0, tick, restrictions=Restrictions(astride=True))
-        assert len(stopped.steps) == steps, "what is settled or in the air lands; nothing else lifts"
-    assert AHEAD.is_there(stopped.feet[-1])
+        # What is settled or in the air lands; nothing else lifts.
+        assert len(stopped.steps) == (settled <= tick < step.lift)
+        assert goal.is_there(stopped.feet[-1]) == (tick > settled)

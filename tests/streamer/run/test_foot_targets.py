@@ -12,6 +12,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
+from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.requests import Request
 
 from .test_live_targets import Live
@@ -124,6 +125,20 @@ def test_a_robot_that_walks_is_asked_for_no_foot_and_a_walk_ends_one(live: Live)
     assert live.until_answered(pending.id).state in ("refused", "superseded")
 
 
+def test_a_walk_of_a_script_ends_a_foot() -> None:
+    """No target had come that needs the feet, and the robot stood through the walk that its script had next."""
+    live = Live(Item(6.0, WALK))
+    with live.session:
+        live.until_state(State.STREAMING)
+        go_on(live, 1.0)
+        assert asked(live, AHEAD, FOREVER).state == "accepted"
+        live.until(lambda: live.session.state.tick >= 6.0 * RATE, "the walk")
+        assert_there(live, AHEAD)
+        begin = live.session.record.ticks.true_base[-1, 0]
+        go_on(live, 3.0)
+        assert live.session.record.ticks.true_base[-1, 0] - begin > 0.05
+
+
 def test_gestures_leave_a_foot_where_it_is_and_a_newer_motion_that_steps_ends_it(live: Live) -> None:
     assert asked(live, AHEAD, FOREVER).state == "accepted"
     go_on(live, 1.5)
@@ -182,6 +197,7 @@ def test_a_stop_leaves_the_feet_where_they_are_until_something_new_is_asked_for(
 
 @pytest.mark.parametrize("after_s", [0.1, 0.7])
 def test_a_stop_on_the_way_ends_it_with_both_feet_down(live: Live, after_s: float) -> None:
+    """A stop left the plan as it was that made the step: the foot lifted half a second after the stop."""
     number = live.session.send(AHEAD, holds_s=FOREVER).id
     go_on(live, after_s)
     live.session.ask(Request.STOP)
