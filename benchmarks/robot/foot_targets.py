@@ -41,7 +41,8 @@ from flexmotion.streamer.run.session import Session
 
 Float = NDArray[np.float64]
 
-PROMPTS = ("stand still", "wave with both hands", "stand still", "bow", "stand still")
+STANDS = "stand still"
+PROMPTS = (STANDS, "wave with both hands", STANDS, "bow", STANDS)
 EVERY_S, FIRST_S, LAST_S = 5.0, 3.0, 2.5
 """Time between two targets, before the first, and after the last [s]."""
 IN_S = (1.0, 2.0)
@@ -52,6 +53,8 @@ LATER_S = 0.5
 AHEAD_M, TURN_RAD = 0.115, 0.35
 """Farthest ahead or back, and greatest turn, that are asked for: what a walk of OP3 does is .120 m and .4 rad."""
 NEAR_M, FAR_M, TURN_DEG = 0.01, 0.02, 4.0
+GESTURE_M = 0.055
+"""A foot that is let go stays where it is while a gesture goes on, within 4.5 cm of its foothold; with what it slips."""
 NEAR_SHARE, FAR_SHARE, TURN_SHARE = 0.8, 0.95, 0.95
 _LEFT = FootPlace("left", (0.0, 0.12))
 _OTHERS: tuple[tuple[str, Intent | None, Intent, float, str], ...] = (
@@ -245,8 +248,8 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
             ([abs(row.turn_deg) for row in rows], TURN_DEG),
         )
     )
-    back = [row.beside_m for row in rows if not row.stays]
-    beside = sum(away <= FAR_M for away in back)
+    back = [row for row in rows if not row.stays]
+    beside = sum(row.beside_m <= (FAR_M if row.prompt == STANDS else GESTURE_M) for row in back)
     expected = {what: state for what, _, _, _, state in _OTHERS}
     others = {what: state for run in runs for what, state in run.asked_for.items()}
     wrong = [f"{what}: {state}" for what, state in others.items() if state != expected[what]]
@@ -256,7 +259,9 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
         Verdict(f"sole within 1 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"within 2 cm half a second later: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
         Verdict(f"heading within 4° then: {turned:.0%} (>= 95 %)", turned >= TURN_SHARE),
-        Verdict(f"side by side again, within 2 cm: {beside} of {len(back)} (all)", beside == len(back)),
+        Verdict(
+            f"side by side again, within 2 cm, in a gesture 5.5: {beside} of {len(back)} (all)", beside == len(back)
+        ),
         Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
         Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
         Verdict(
