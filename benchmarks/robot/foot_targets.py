@@ -54,7 +54,7 @@ AHEAD_M, TURN_RAD = 0.115, 0.35
 """Farthest ahead or back, and greatest turn, that are asked for: what a walk of OP3 does is .120 m and .4 rad."""
 NEAR_M, FAR_M, TURN_DEG = 0.01, 0.02, 4.0
 GESTURE_M = 0.055
-"""A foot that is let go stays where it is while a gesture goes on, within 4.5 cm of its foothold; with what it slips."""
+"""A foot that is let go stays while a gesture goes on, if it is within 4.5 cm of its foothold; with what it slips."""
 NEAR_SHARE, FAR_SHARE, TURN_SHARE = 0.8, 0.95, 0.95
 _LEFT = FootPlace("left", (0.0, 0.12))
 _OTHERS: tuple[tuple[str, Intent | None, Intent, float, str], ...] = (
@@ -259,9 +259,7 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
         Verdict(f"sole within 1 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"within 2 cm half a second later: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
         Verdict(f"heading within 4° then: {turned:.0%} (>= 95 %)", turned >= TURN_SHARE),
-        Verdict(
-            f"side by side again, within 2 cm, in a gesture 5.5: {beside} of {len(back)} (all)", beside == len(back)
-        ),
+        Verdict(f"side by side again (2 cm, in a gesture 5.5): {beside} of {len(back)} (all)", beside == len(back)),
         Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
         Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
         Verdict(
