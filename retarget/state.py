@@ -80,14 +80,14 @@ class RetargetState(Record):
     """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
     planted: Float = column("f8", 2)
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
-    placed: Float = column("f8", 5)
-    """Where a foot is to be: the fields of `FootGoal` in order; -1: no foot is to be anywhere."""
-    astride: Float = column("f8")
-    """1 where the feet stay as they have landed, though no human is followed; else 0."""
     tension: Float = column("f8", len(LIMBS))
     """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
     asked_tension: Float = column("f8", len(LIMBS))
     """Tension that is asked of a limb by itself; NaN: none."""
+    placed: Float = column("f8", 5)
+    """Where a foot is to be: the fields of `FootGoal` in order; -1: no foot is to be anywhere."""
+    astride: Float = column("f8")
+    """1 where the feet stay as they have landed, though no human is followed; else 0."""
 
 
 @dataclass(frozen=True)
