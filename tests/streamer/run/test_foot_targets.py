@@ -93,15 +93,13 @@ def test_places_that_are_moved_slowed_or_refused_say_so(live: Live) -> None:
 
 def test_one_foot_after_the_other_gets_the_robot_ahead(live: Live) -> None:
     begin = live.session.record.ticks.true_base[-1, 0]
-    for place in range(4):
-        foot = FootPlace(("left", "right")[place % 2], (0.06 if place < 3 else 0.0, (0.1, -0.1)[place % 2]))
+    left, right = FootPlace("left", (0.06, 0.1)), FootPlace("right", (0.06, -0.1))
+    for foot in (left, right, left, FootPlace("right", (0.0, -0.1))):
         assert asked(live, foot, FOREVER).state in ("accepted", "slowed")
         go_on(live, 1.3)
         assert_there(live, foot)
     assert live.session.record.ticks.true_base[-1, 0] - begin > 0.12
-    first, second = (live.session.send(FootPlace(side, place), holds_s=FOREVER) for side, place in (
-        ("left", (0.05, 0.1)), ("right", (0.0, -0.12))
-    ))  # fmt: skip
+    first, second = (live.session.send(foot, holds_s=FOREVER) for foot in (left, right))
     assert live.until_answered(first.id).state == "superseded"
     assert live.until_answered(second.id).state in ("accepted", "slowed")
 
