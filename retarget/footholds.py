@@ -161,9 +161,7 @@ class Footholds:
         longest = max(self.swings.stride(seconds, forward < 0.0), 1e-6)
         forward = float(np.clip(forward, -longest, longest))
         wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
-        # A turned foot needs room for its corners.
-        narrowest = gait.lateral[0] + self.sole_half_length * abs(np.sin(askew))
-        widest = max(narrowest, gait.lateral[1])
+        narrowest, widest = self.apart(float(askew))
         apart = np.clip(wanted, narrowest, widest)
         # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both, what is aside first.
         ahead, aside = abs(forward) / longest, (apart - narrowest) / max(widest - narrowest, 1e-6)
@@ -179,6 +177,16 @@ class Footholds:
         sideways = -inward * apart
         x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
         return Foothold(np.array([x, y, 0.0, yaw]), human, frame - human_yaw)
+
+    def apart(self, askew: float) -> tuple[float, float]:
+        """Least and greatest distance of a foot from the other one to its side [m].
+
+        Args:
+            askew: yaw between the feet [rad].
+        """
+        # A turned foot needs room for its corners.
+        narrowest = self.gait.lateral[0] + self.sole_half_length * abs(float(np.sin(askew)))
+        return narrowest, max(narrowest, self.gait.lateral[1])
 
     def _on_ground(self, scaling: Scaling, wanted: Foothold, pose: Float) -> Float:
         """How far on the human's ground a pose of the foot is from the one that was wanted, (2,) [m]."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot_file import Gait
 from flexmotion.retarget.cadence import Cadence, OwnStep
+from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.footholds import Footholds
 from flexmotion.retarget.human import Swing
 from flexmotion.retarget.human_steps import is_consumed, is_step
@@ -49,7 +50,9 @@ class FeetState:
         free: ticks from which each foot may lift, (2,).
         settled: steps that are under way or settled, in order; they are kept.
         at_rest: whether the robot has been standing still.
-        planted: feet that are to stay where they are, 0 left, 1 right; while there is one no further step is made.
+        planted: feet that are to stay where they are, 0 left, 1 right; while there is one no human's step is made.
+        placed: where a foot is to be; while there is such a place its step is the only one that is made.
+        astride: the feet stay as they have landed, though no human is followed.
     """
 
     feet: Float
@@ -59,6 +62,8 @@ class FeetState:
     settled: list[Step]
     at_rest: bool
     planted: frozenset[int] = frozenset()
+    placed: FootGoal | None = None
+    astride: bool = False
 
 
 class FootstepPlanner:
@@ -91,6 +96,10 @@ class FootstepPlanner:
         Returns:
             Steps in order of time, the settled ones first.
         """
+        if start.placed is not None:
+            settled = [step.longer(longer.get(place, 0)) for place, step in enumerate(start.settled)]
+            begun, until = replace(start, settled=settled), view.tick_at(view.window.end_s)
+            return self._to_place(begun, start.placed, view.tick + put_off, until, longer)
         if start.planted:
             return start.settled
         timing, window = self.timing, view.window
@@ -133,13 +142,31 @@ class FootstepPlanner:
         return made.steps
 
     def withheld(self, view: HumanView, start: FeetState) -> int:
-        """How many of the human's steps are not made because a foot is to stay where it is."""
-        if not start.planted:
+        """How many of the human's steps are not made because a foot is to stay where it is, or to be somewhere."""
+        if not start.planted and start.placed is None:
             return 0
         window, end, gone = view.window, view.tick_at(view.window.end_s), start.consumed
         open_swings = (swing for swing in window.swings if not is_consumed(swing, float(gone[swing.side])))
         begun = (swing for swing in open_swings if view.tick <= view.tick_at(swing.lift_s) < end)
         return sum(is_step(window, swing) for swing in begun)
+
+    def end(
+        self, start: FeetState, steps: list[Step], after: int, longer: Mapping[int, int] = _NO_LONGER
+    ) -> list[Step]:
+        """The steps of a plan that no human follows, or only to its frames' end, and those that it ends with.
+
+        A foot that is to be somewhere is brought there if its step is due soon; else the feet come side by side.
+
+        Args:
+            start: the feet before the steps.
+            after, longer: as of `gather`.
+        """
+        if start.astride:
+            return steps
+        if start.placed is not None:
+            begun = replace(start, settled=steps)
+            return self._to_place(begun, start.placed, after, after + self.timing.ticks(self.sight_s), longer)
+        return self.gather(steps, start.feet, after, longer, start.planted)
 
     def gather(
         self,
@@ -175,6 +202,31 @@ class FootstepPlanner:
         # It uses up no swing of the human.
         last = Step(side, lift, land, foot.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
+
+    def _to_place(
+        self, start: FeetState, goal: FootGoal, tick: int, until: float, longer: Mapping[int, int]
+    ) -> list[Step]:
+        """The settled steps, and the one that brings a foot to where it is to be, if it lifts before a tick.
+
+        It lands when it is due. What its swing needs more time for (`longer`) it lifts earlier, where it may.
+
+        Args:
+            tick: from which further steps are given notice; until: before which they lift.
+        """
+        timing = self.timing
+        made = _Sequence(start, timing, tick + timing.ticks(UNHURRIED_S), _NO_LONGER)
+        side, place = goal.side, len(made.steps)
+        if side in start.planted or goal.is_there(made.feet):
+            return made.steps
+        foot, target = made.feet[side], goal.pose(made.feet[1 - side])
+        seconds = max(INSERTED_SWING_S, self.swings.shortest_s(side, foot, target))
+        ticks = int(np.ceil(seconds * timing.rate)) + longer.get(place, 0)
+        lift = int(max(np.ceil(made.free[side]), np.rint(goal.due) - ticks))
+        if lift < until:
+            # It uses up no swing of the human.
+            step = Step(side, lift, lift + ticks, foot.copy(), target, -np.inf, inserted=True, notice_s=UNHURRIED_S)
+            made.add(step)
+        return made.steps
 
     def _catch_up(self, view: HumanView, made: _Sequence, unhurried: int, swing: Swing | None = None) -> None:
         """Add steps of the robot's own cadence for as long as the robot lags behind its human.

@@ -1,4 +1,4 @@
-"""`Restrictions`: what holds whatever the human does: feet that stay, torque caps, how stiff limbs follow."""
+"""`Restrictions`: what holds whatever the human does: places of feet, torque caps, how stiff limbs follow."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from flexmotion.retarget.foot_goal import FootGoal
 
 
 @dataclass(frozen=True)
@@ -19,11 +21,15 @@ class Restrictions:
         caps: greatest torque by column of the joint [N·m], above 0.
         tension: of limbs, in place of the human's, in [0, 1], by their place in
             `flexmotion.biomechanics.tension.LIMBS`.
+        placed: where a foot is to be that may move; None: nowhere. No other step is made then, of either foot.
+        astride: the feet stay as they have landed: a stop does not put them side by side.
     """
 
     planted: frozenset[int] = frozenset()
     caps: Mapping[int, float] = field(default_factory=dict)
     tension: Mapping[int, float] = field(default_factory=dict)
+    placed: FootGoal | None = None
+    astride: bool = False
 
     def cap(self, joints: int) -> NDArray[np.float64]:
         """Greatest torque of each joint of a robot, (n,) [N·m]; infinite where there is none."""

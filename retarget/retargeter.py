@@ -28,6 +28,7 @@ from flexmotion.retarget.capture import CaptureSteps
 from flexmotion.retarget.drafting import CAPPED_DRAFTS, DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, Judged, changeable, effort
+from flexmotion.retarget.foot_places import FootPlaces
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
@@ -94,6 +95,7 @@ class Retargeter:
                 f"stream settings: horizon_s is {settings.horizon_s:g}, expected at least {self.footsteps.sight_s:g}: "
                 f"{robot.name} cannot insert steps in shorter plans"
             )
+        self.foot_places = FootPlaces(self.footsteps.footholds)
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         check = SwingCheck(
             self.swings,
@@ -261,6 +263,8 @@ class Retargeter:
         now = self.layout.view(vector)
         self.parts.update(now, parts, tick)
         now.planted[...] = [side in restrictions.planted for side in (0, 1)]
+        now.placed[...] = -1.0 if restrictions.placed is None else astuple(restrictions.placed)
+        now.astride[...] = restrictions.astride
         now.asked_tension[...] = [restrictions.tension.get(limb, np.nan) for limb in range(len(LIMBS))]
         view = view_human(
             now,

@@ -84,6 +84,10 @@ class RetargetState(Record):
     """Tension of the human's limbs one row before, in the order of `LIMBS`, in [0, 1]."""
     asked_tension: Float = column("f8", len(LIMBS))
     """Tension that is asked of a limb by itself; NaN: none."""
+    placed: Float = column("f8", 5)
+    """Where a foot is to be: the fields of `FootGoal` in order; -1: no foot is to be anywhere."""
+    astride: Float = column("f8")
+    """1 where the feet stay as they have landed, though no human is followed; else 0."""
 
 
 @dataclass(frozen=True)
@@ -123,5 +127,6 @@ class StateLayout:
         state.detector[...] = ContactDetector().initial()
         state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
+        state.placed[...] = -1.0
         state.drift[...] = state.asked_tension[...] = np.nan
         return vector

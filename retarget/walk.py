@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.retarget import balance, posture
+from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.footsteps import FeetState, FootstepPlanner
 from flexmotion.retarget.joining import Absorbed, JoinAbsorber
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
@@ -129,9 +130,7 @@ class WalkPlanner:
 
         def make(longer: Mapping[int, int]) -> Walk:
             settled = [step.longer(longer.get(k, 0)) for k, step in enumerate(start.settled)]
-            return self._lay_out(
-                state, self.footsteps.gather(settled, start.feet, tick, longer, start.planted), tick, None
-            )
+            return self._lay_out(state, self.footsteps.end(start, settled, tick, longer), tick, None)
 
         return self._with_time(state, len(start.settled), make, last=True)
 
@@ -139,7 +138,7 @@ class WalkPlanner:
         """Middle of the feet and their heading at the end of a stop, (3,) [m, m, rad]; arguments as of `stop`."""
         start = self._feet_state(state, tick)
         feet = start.feet
-        for step in self.footsteps.gather(start.settled, feet, tick, planted=start.planted):
+        for step in self.footsteps.end(start, start.settled, tick):
             feet[step.side] = step.target
         middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
         return middle
@@ -151,13 +150,14 @@ class WalkPlanner:
         steps = self.footsteps.plan(view, start, put_off, longer)
         # Where the frames end before the horizon this plan is the last one: it is played to its end.
         if not view.whole:
-            steps = self.footsteps.gather(steps, start.feet, view.end_tick, longer, start.planted)
+            steps = self.footsteps.end(start, steps, view.end_tick, longer)
         return self._lay_out(state, steps, view.tick, view)
 
     def _feet_state(self, state: RetargetState, tick: int) -> FeetState:
         landed = float(state.landed)
         feet = state.feet.copy()
         feet[:, 2] = 0.0
+        placed = float(state.placed[0])
         return FeetState(
             feet=feet,
             human_feet=state.human_feet,
@@ -166,6 +166,8 @@ class WalkPlanner:
             settled=state.steps.steps(),
             at_rest=tick > landed + _AT_REST_S * self.rate,
             planted=frozenset(map(int, np.flatnonzero(state.planted))),
+            placed=None if placed < 0 else FootGoal(int(placed), *map(float, state.placed[1:])),
+            astride=bool(state.astride),
         )
 
     def _lay_out(self, state: RetargetState, steps: list[Step], tick: int, view: HumanView | None) -> Walk:

@@ -24,6 +24,15 @@ class PartOptions:
             show_default=False,
         ),
     ] = None
+    foot: Annotated[
+        tuple[str, float, float] | None,
+        typer.Option(
+            "--foot",
+            metavar="SIDE X Y",
+            help="Step there with the left or right foot: ahead, left of the other sole \\[m]; --heading: of its toes.",
+            show_default=False,
+        ),
+    ] = None
     point: Annotated[
         tuple[str, float, float, float] | None,
         typer.Option(
@@ -80,7 +89,11 @@ class PartOptions:
     in_s: Annotated[
         float | None,
         typer.Option(
-            "--in", min=0.0, max=_IN_S_MOST, help="The part is there after so many seconds.", show_default="0.5"
+            "--in",
+            min=0.0,
+            max=_IN_S_MOST,
+            help="The part is there after so many seconds.",
+            show_default="0.5, a foot: 1",
         ),
     ] = None
 
@@ -89,6 +102,7 @@ class PartOptions:
         """The options that name a part, by their names; None where one is not given."""
         return {
             "--hand": self.hand,
+            "--foot": self.foot,
             "--point": self.point,
             "--look": self.look,
             "--joint": self.joint,
@@ -98,15 +112,20 @@ class PartOptions:
             "--relax": self.relax,
         }
 
-    def message(self, tolerance_m: float | None) -> dict[str, Any]:
+    def message(self, tolerance_m: float | None, heading: float | None = None) -> dict[str, Any]:
         """The fields of the message of the one that is given; those that are None are left out when it is sent.
 
         Args:
-            tolerance_m: of a hand's place [m].
+            tolerance_m: of the place of a hand or a foot [m].
+            heading: of a foot [rad].
         """
         if self.hand is not None:
             side, *place = self.hand
             return {"type": "hand", "side": side, "position_m": place, "tolerance_m": tolerance_m, "in_s": self.in_s}
+        if self.foot is not None:
+            side, *place = self.foot
+            fields = {"side": side, "position_m": place, "heading_rad": heading, "tolerance_m": tolerance_m}
+            return {"type": "foot", **fields, "in_s": self.in_s}
         if self.point is not None:
             side, *direction = self.point
             return {"type": "point", "side": side, "direction": direction, "in_s": self.in_s}

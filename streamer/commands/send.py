@@ -65,8 +65,8 @@ def send(
         typer.Option(
             "--tolerance",
             metavar="M",
-            help="How near a waypoint, or a hand, is near enough \\[m].",
-            show_default="0.1, a hand: 0.05",
+            help="How near a waypoint, a hand or a foot is near enough \\[m].",
+            show_default="0.1, a hand or a foot: 0.05",
         ),
     ] = None,
     turning: Annotated[
@@ -109,7 +109,8 @@ def send(
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
     robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
-    of the body does, and back to it after --for, or 10 s. A foot that is kept on the ground, a torque that is capped
+    of the body does, and back to it after --for, or 10 s. A foot makes a step there, where the robot stands, likewise.
+    A foot that is kept on the ground, a torque that is capped
     and a tension hold until they are relaxed, or for --for. While a joint is limp the robot stands and follows no
     target.
 
@@ -127,6 +128,8 @@ def send(
 
       flexmotion send --hand right .15 -.1 .2 --in 1
 
+      flexmotion send --foot left .06 .1 --in 1
+
       flexmotion send --look 1 .5 .2 --for 5
 
       flexmotion send --contact left
@@ -139,7 +142,7 @@ def send(
 
       flexmotion send --limp l_el,l_sho_pitch
     """
-    turn = None if waypoint is not None else heading
+    turn = heading if waypoint is None and part.foot is None else None
     given = {
         "TEXT": text,
         "--velocity": velocity,
@@ -155,12 +158,12 @@ def send(
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) != 1:
         raise typer.BadParameter(f"expected one of {', '.join(given)}; found {' and '.join(chosen) or 'none'}")
-    if tolerance is not None and waypoint is None and part.hand is None:
-        raise typer.BadParameter("--tolerance is that of a --waypoint or a --hand")
+    if tolerance is not None and waypoint is None and part.hand is None and part.foot is None:
+        raise typer.BadParameter("--tolerance is that of a --waypoint, a --hand or a --foot")
     given_parts = {name for name, value in part.given.items() if value is not None}
     moved = given_parts - {"--relax", "--contact", "--torque", "--tension"}
     if part.in_s is not None and not moved:
-        raise typer.BadParameter("--in is that of a --hand, --point, --look or --joint")
+        raise typer.BadParameter("--in is that of a --hand, --foot, --point, --look or --joint")
     if wait and chosen[0] not in _ENDING:
         raise typer.BadParameter(f"--wait is that of {', '.join(_ENDING)}: nothing else ends by itself")
     if turning is not None and turn is None:
@@ -180,7 +183,7 @@ def send(
     elif hold:
         message = {"type": "hold"}
     elif any(value is not None for value in part.given.values()):
-        message = part.message(tolerance)
+        message = part.message(tolerance, radians)
     else:
         joints = limp or stiff or reboot or ""
         message = {"type": chosen[0].removeprefix("--"), "joints": joints.split(",")}

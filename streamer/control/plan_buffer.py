@@ -36,7 +36,7 @@ class Ticket:
         stops: it comes to a stop, whatever the source has.
         source_over: the source has nothing after it.
         sample_s, retarget_s: time that it took to get the human motion, and to retarget it [s].
-        leads: arms or head are led by a target in it: where it stops, they may still move.
+        leads: arms, head or a foot are led by a target in it: where it stops, they may still move.
         seen_ns: arrival of the newest frame of a mirrored person that it follows (`time.perf_counter_ns`); 0: none.
     """
 

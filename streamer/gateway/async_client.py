@@ -105,6 +105,24 @@ class AsyncClient(Messages):
             part_content("hand", in_s, ttl_s, side=side, position_m=[x, y, z], tolerance_m=tolerance_m)
         )
 
+    async def foot(
+        self,
+        side: Side,
+        x: float,
+        y: float,
+        heading: float | None = None,
+        *,
+        in_s: float | None = None,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """See `Client.foot`."""
+        return await self.ask(
+            part_content(
+                "foot", in_s, ttl_s, side=side, position_m=[x, y], heading_rad=heading, tolerance_m=tolerance_m
+            )
+        )
+
     async def point(
         self, side: Side, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
     ) -> Answer:

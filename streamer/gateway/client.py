@@ -109,6 +109,24 @@ class Client(Messages):
         """Bring a hand to a place in the trunk's frame [m] in a time [s], and hold it there; see `HandMessage`."""
         return self.ask(part_content("hand", in_s, ttl_s, side=side, position_m=[x, y, z], tolerance_m=tolerance_m))
 
+    def foot(
+        self,
+        side: Side,
+        x: float,
+        y: float,
+        heading: float | None = None,
+        *,
+        in_s: float | None = None,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """Step with a foot to a place seen from the other sole [m, rad], and stand there; see `FootMessage`."""
+        return self.ask(
+            part_content(
+                "foot", in_s, ttl_s, side=side, position_m=[x, y], heading_rad=heading, tolerance_m=tolerance_m
+            )
+        )
+
     def point(
         self, side: Side, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
     ) -> Answer:

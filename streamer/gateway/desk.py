@@ -233,7 +233,7 @@ class Desk:
         asked.intent, part = intent, _part_of(intent)
         asked.part = part
         if isinstance(intent, Relax):
-            for let_go in [one for one in self._waiting if one != WHOLE_BODY and intent.part in ("all", one)]:
+            for let_go in [one for one in self._waiting if one != WHOLE_BODY and intent.ends(one)]:
                 self._reply(self._waiting.pop(let_go), "superseded", "the part was let go after it")
         if part in self._waiting:
             self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")

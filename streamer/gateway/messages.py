@@ -19,6 +19,7 @@ from flexmotion.configs.problems import one_line
 from flexmotion.streamer.gateway.joint_messages import LimpMessage, RebootMessage, StiffMessage
 from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
 from flexmotion.streamer.gateway.part_messages import (
+    FootMessage,
     HandMessage,
     JointMessage,
     LookMessage,
@@ -199,6 +200,7 @@ Message = (
     | HeadingMessage
     | WaypointMessage
     | HandMessage
+    | FootMessage
     | PointMessage
     | LookMessage
     | JointMessage
@@ -353,7 +355,7 @@ def intent_of(message: Message) -> Intent | None:
             return Waypoint(x, y, heading, tolerance)
         case HoldMessage():
             return Stop()
-        case HandMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
+        case HandMessage() | FootMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
             return part_intent_of(message)
         case ContactMessage() | TorqueMessage() | TensionMessage():
             return restriction_of(message)

@@ -1,8 +1,8 @@
-"""Messages about one part of the body, arms and head; the rest goes on with what it does.
+"""Messages about one part of the body, arms, head and feet; the rest goes on with what it does.
 
-Places and directions are seen from the robot's trunk: origin and axes of the robot file's `torso` body, x forward,
-y left, z up along the trunk. A part is let go when its time to live is over; without one it is held for `part_holds_s`
-of the stream settings.
+Places and directions of arms and head are seen from the robot's trunk: origin and axes of the robot file's `torso`
+body, x forward, y left, z up along the trunk; the place of a foot is seen from the other one. A part is let go when its
+time to live is over; without one it is held for `part_holds_s` of the stream settings.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ from flexmotion.streamer.gateway.joint_messages import Joint
 from flexmotion.streamer.gateway.message_base import MessageBase
 from flexmotion.streamer.gateway.restriction_messages import NAMED_JOINT
 from flexmotion.streamer.motion.part_intents import (
+    FARTHEST_FOOT_M,
     FARTHEST_HAND_M,
     LEAST_DIRECTION,
     LONGEST_S,
+    FootPlace,
     Hand,
     JointAngle,
     Look,
@@ -31,6 +33,7 @@ from flexmotion.streamer.motion.part_values import Side
 from flexmotion.streamer.motion.restriction_intents import TENSION, TENSION_LIMBS
 
 _Coordinate = Annotated[float, Field(ge=-FARTHEST_HAND_M, le=FARTHEST_HAND_M)]
+_OnFloor = Annotated[float, Field(ge=-FARTHEST_FOOT_M, le=FARTHEST_FOOT_M)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
 _PARTS = "all|left hand|right hand|head|left foot|right foot|both feet"
 _NAMED = rf"joint [\w./-]{{1,64}}|torque {NAMED_JOINT}|{TENSION}({'|'.join(TENSION_LIMBS)})"
@@ -70,6 +73,27 @@ class HandMessage(PartMessage):
     side: Side
     position_m: _Vector
     tolerance_m: Annotated[float, Field(ge=0.0, le=FARTHEST_HAND_M)] = 0.05
+
+
+class FootMessage(PartMessage):
+    """Make a step with a foot to a place seen from the other one, and stand there.
+
+    Attributes:
+        side: which foot.
+        position_m: x, y of the centre of its sole from that of the other one, along the axes of the other sole: x to
+            its toes, y left.
+        heading_rad: of its toes, from those of the other foot, positive to the left [rad].
+        tolerance_m: a place out of reach is replaced by the nearest one within this distance; else it is refused [m].
+        tolerance_rad: a heading beyond what the foot may turn likewise [rad].
+    """
+
+    type: Literal["foot"] = "foot"
+    side: Side
+    position_m: tuple[_OnFloor, _OnFloor]
+    heading_rad: Annotated[float, Field(ge=-math.pi, le=math.pi)] = 0.0
+    in_s: _InS = 1.0
+    tolerance_m: Annotated[float, Field(ge=0.0, le=FARTHEST_FOOT_M)] = 0.05
+    tolerance_rad: _Angle = 0.1
 
 
 class _DirectedMessage(PartMessage):
@@ -137,7 +161,7 @@ class RelaxMessage(MessageBase):
     part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|{_NAMED})$"), _PART_WORDS] = "all"
 
 
-PartMessages = HandMessage | PointMessage | LookMessage | JointMessage | RelaxMessage
+PartMessages = HandMessage | FootMessage | PointMessage | LookMessage | JointMessage | RelaxMessage
 
 
 def part_intent_of(message: PartMessages) -> PartIntent:
@@ -145,6 +169,8 @@ def part_intent_of(message: PartMessages) -> PartIntent:
     match message:
         case HandMessage(side=side, position_m=place, in_s=in_s, tolerance_m=tolerance):
             return Hand(side, place, in_s, tolerance)
+        case FootMessage(side=side, position_m=floor, heading_rad=heading, in_s=in_s):
+            return FootPlace(side, floor, heading, in_s, message.tolerance_m, message.tolerance_rad)
         case PointMessage(side=side, direction=direction, in_s=in_s, tolerance_rad=tolerance):
             return Point(side, direction, in_s, tolerance)
         case LookMessage(direction=direction, in_s=in_s, tolerance_rad=tolerance):

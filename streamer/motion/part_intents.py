@@ -1,13 +1,14 @@
-"""Intents for one part of the body, arms and head: the rest goes on with what it does.
+"""Intents for one part of the body, arms, head and feet: the rest goes on with what it does.
 
-Places and directions are seen from the robot's trunk: origin and axes of the robot file's `torso` body, x forward,
-y left, z up along the trunk. A hand that is held there goes with the robot where it walks.
+Places and directions of arms and head are seen from the robot's trunk: origin and axes of the robot file's `torso`
+body, x forward, y left, z up along the trunk. A hand that is held there goes with the robot where it walks. The place
+of a foot is seen from the other foot, which stands.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,21 +19,26 @@ from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, TENSION, 
 
 FARTHEST_HAND_M = 2.0
 """Bound of each coordinate of a hand's place [m]."""
+FARTHEST_FOOT_M = 1.0
+"""Bound of each coordinate of a foot's place [m]."""
 LONGEST_S = 10.0
 """Longest time to a place [s]."""
 LEAST_DIRECTION = 1e-3
 """Least length of a direction."""
 _WIDEST_RAD = math.pi
+_PLACE_OF = "place of "
+"""How the name of the part of a foot's place begins."""
 HEAD = "head"
 """Name of the part that looks."""
 
 Vector = tuple[float, float, float]
 
 
-def _require_vector(word: str, value: Any, bound: float) -> None:
-    if not isinstance(value, tuple) or len(value) != 3:
-        raise ConfigError(f"{word}: expected three numbers, [x, y, z]; found {value!r}")
-    require_numbers(f"{word}: expected [x, y, z]", value, bound)
+def _require_vector(word: str, value: Any, bound: float, axes: str = "x, y, z") -> None:
+    count = len(axes.split(", "))
+    if not isinstance(value, tuple) or len(value) != count:
+        raise ConfigError(f"{word}: expected {count} numbers, [{axes}]; found {value!r}")
+    require_numbers(f"{word}: expected [{axes}]", value, bound)
 
 
 def _require_direction(word: str, value: Any) -> None:
@@ -46,7 +52,7 @@ def _require_timing(word: str, in_s: Any, tolerance: Any, widest: float) -> None
     require_numbers(f"{word}: tolerance: expected a number", (tolerance,), widest, 0.0)
 
 
-def _told(values: Vector) -> str:
+def _told(values: Sequence[float]) -> str:
     return "[" + ", ".join(f"{value:.3g}" for value in values) + "]"
 
 
@@ -81,6 +87,47 @@ class Hand(Logged):
 
     def __str__(self) -> str:
         return f"{self.part} to {_told(self.place)} m in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class FootPlace(Logged):
+    """Make a step with a foot to a place beside, ahead of or behind the other one, and stand there.
+
+    Attributes:
+        side: which foot.
+        place: x, y of the centre of its sole from that of the other one, along the axes of the other sole, x to its
+            toes, y left [m].
+        heading: of its toes, from those of the other foot, positive to the left [rad].
+        in_s: time from now until it is there [s].
+        tolerance: a place out of reach is replaced by the nearest one within this distance [m]; else it is refused.
+        tolerance_rad: a heading likewise [rad].
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    side: Side
+    place: tuple[float, float]
+    heading: float = 0.0
+    in_s: float = 1.0
+    tolerance: float = 0.05
+    tolerance_rad: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_choice("foot: side", self.side, SIDES)
+        _require_vector("foot: place", self.place, FARTHEST_FOOT_M, "x, y")
+        require_numbers("foot: heading: expected radians", (self.heading,), _WIDEST_RAD)
+        _require_timing("foot", self.in_s, self.tolerance, FARTHEST_FOOT_M)
+        require_numbers("foot: tolerance_rad: expected radians", (self.tolerance_rad,), _WIDEST_RAD, 0.0)
+
+    @property
+    def part(self) -> str:
+        """See `Hand.part`; a foot that is kept down is another part: neither replaces the other unread."""
+        return f"{_PLACE_OF}{FOOT_PARTS[self.side]}"
+
+    def __str__(self) -> str:
+        turned = f", {self.heading:.3g} rad" if self.heading else ""
+        return f"{FOOT_PARTS[self.side]} to {_told(self.place)} m{turned} in {self.in_s:g} s"
 
 
 @dataclass(frozen=True)
@@ -203,20 +250,27 @@ class Relax(Logged):
 
     @property
     def lifts(self) -> bool:
-        """Whether it lets go what restricts the robot, feet, torques or tension, rather than an arm or the head."""
+        """Whether it lets go feet, or what restricts the robot, torques or tension, rather than an arm or the head."""
         return self.part in FOOT_PARTS.values() or self.part.startswith((TORQUE, TENSION))
+
+    def ends(self, part: str) -> bool:
+        """Whether it lets a part go, by the name that its intent has."""
+        if self.part == FOOT_PARTS["both"] and part.startswith(_PLACE_OF):
+            return True
+        return self.part in ("all", part) or part == f"{_PLACE_OF}{self.part}"
 
     def __str__(self) -> str:
         return f"relax {self.part}"
 
 
 Placed = Hand | Point | Look | JointAngle
-"""An intent that brings a part somewhere."""
-PartIntent = Placed | Relax | Contact | TorqueCap | Tension
+"""An intent that brings an arm or the head somewhere."""
+PartIntent = Placed | FootPlace | Relax | Contact | TorqueCap | Tension
 """An intent for one part of the body."""
 
 PARTS: dict[str, type[PartIntent]] = {
     "hand": Hand,
+    "foot": FootPlace,
     "point": Point,
     "look": Look,
     "joint": JointAngle,

@@ -8,6 +8,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.foot_targets import FootTargets
 from flexmotion.streamer.planning.lead import Kind
 from flexmotion.streamer.planning.made_plans import MadePlans
 from flexmotion.streamer.planning.mirroring import Mirroring
@@ -25,6 +26,7 @@ class Records(Protocol):
     made: MadePlans
     ledger: TargetLedger
     parts: PartTargets
+    feet: FootTargets
     restrictions: RestrictionTargets
     push: PushWatch
 
@@ -118,22 +120,29 @@ class DuePlan:
     def _first(self, row: TickRow, target: Target) -> bool:
         """Whether a plan is due where none plays."""
         tick = int(row.tick) + 1
-        beside = self.records.parts.wants(0, tick) or self.records.restrictions.wants(0, tick)
+        beside = any(records.wants(0, tick) for records in self._records_beside)
         halted = self.records.ledger.halted and not (self.is_new(target, row) or beside)
         return bool(row.ready and not row.pending and not row.must_stop and not halted)
 
     def _beside(self, row: TickRow, last: int) -> bool:
-        """Whether arms, head or restrictions ask for a plan: one that knows all of them, or goes on in a stand."""
+        """Whether arms, head, feet or restrictions ask for a plan: one that knows all, or goes on in a stand."""
         tick = int(row.tick) + 1
         if row.pending:
             return False
-        if self.records.parts.wants(last, tick) or self.records.restrictions.wants(last, tick):
+        if any(records.wants(last, tick) for records in self._records_beside):
             return True
         if self.records.restrictions.inherits:
             return False  # a plan would lift the caps, though nobody asks for anything; arms stay where they are
         plan = self.records.made.plan(last)
-        moves = plan is not None and self.records.parts.moves(plan, max(plan.end_tick, tick))
+        if plan is None:
+            return False
+        moves = self.records.parts.moves(plan, max(plan.end_tick, tick)) or self.records.feet.is_coming(plan)
         return moves and tick >= self.asked_tick + self._replan_ticks
+
+    @property
+    def _records_beside(self) -> tuple[PartTargets, FootTargets, RestrictionTargets]:
+        """What is asked for beside the target for the whole body."""
+        return self.records.parts, self.records.feet, self.records.restrictions
 
     def _goes_on(self, row: TickRow) -> bool:
         """Whether the motion that plays is to be planned further."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,9 +20,10 @@ from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import HumanChannel
+from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.part_intents import Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Restriction
@@ -29,6 +31,7 @@ from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.due_plan import DuePlan
 from flexmotion.streamer.planning.ease_notes import EaseNotes
+from flexmotion.streamer.planning.foot_targets import FootTargets
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
@@ -69,7 +72,7 @@ class Replanner:
         turns: of the driver, ticks within which every joint is read once.
 
     Attributes:
-        ledger, parts, restrictions: what operators ask for; made: the plans; push: whether the robot was pushed.
+        ledger, parts, feet, restrictions: what operators ask for; made: the plans; push: whether the robot was pushed.
         follows_targets: whether the source follows targets.
         gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
@@ -100,6 +103,7 @@ class Replanner:
             lambda message: self.on_note(message),
             lambda: self.restrictions.restrictions.caps,
         )
+        self.feet = FootTargets(planner.retargeter, self._publish, lambda message: self.on_note(message))
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -169,6 +173,9 @@ class Replanner:
         now_s = self.ledger.now_s()
         self.restrictions.update(row, tick - early, now_s, self.parts.held)
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
+        travels, restrictions = self._travels, self.restrictions.restrictions
+        newest = self.made.plan(int(row.pending) or int(row.plan))
+        self.feet.update(row, tick - early, now_s, newest, travels, restrictions)
         if self._mirroring is not None:
             self._mirroring.update(tick)
         if not self._due.now(row, target):
@@ -183,6 +190,9 @@ class Replanner:
             stands_at, stays = partial(self._stands_at, row, join), self.restrictions.stays
             if not self._turns.to_target(target, current, join, row, stands_at, stays):
                 return False
+            self.feet.gather()
+            if self._travels:
+                self.feet.give_way(f"{words_of(target.intent)!r} needs the feet", "superseded")
         elif self._runner is not None and self._runner.wanted is not None:
             self._turns.to_step(self._runner, current, join)
         elif self._mirroring is not None and self._mirroring.wanted:
@@ -204,7 +214,7 @@ class Replanner:
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
                 parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
-                restrictions=self.restrictions.restrictions,
+                restrictions=replace(restrictions, placed=self.feet.goal, astride=self.feet.astride),
                 drift=self._drift.value + (0.0 if self._runner is None else self._runner.aside),
                 sway=self.push.sway if kind is Kind.WHOLE else None,
                 checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
@@ -225,7 +235,7 @@ class Replanner:
             effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
-            leads=self.parts.leads(planned.plan),
+            leads=self.feet.leads or self.parts.leads(planned.plan),
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
@@ -235,6 +245,7 @@ class Replanner:
             self._mirroring.planned()
         self.made.add(ticket, planned.plan, int(row.plan))
         self.parts.made(ticket.id, planned.plan, int(row.plan), tick)
+        self.feet.made(ticket.id, planned.plan, int(row.plan), tick)
         self.restrictions.made(ticket.id, planned.plan, int(row.plan), tick)
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
@@ -254,30 +265,59 @@ class Replanner:
             self.ledger.halted |= note.slowed is None
 
     def _tell_withheld(self, plan: Plan, target: int) -> None:
-        """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is."""
-        if not plan.withheld or self._withheld == target or self.restrictions.stays is None:
+        """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is.
+
+        The place of a foot that was asked for before the motion gives way to its steps: plans make them from now on.
+        """
+        if not plan.withheld or self._withheld == target:
+            return
+        stays = self.restrictions.stays
+        if stays is None and 0 < self.feet.newest < target:
+            self.feet.give_way("the newer motion makes steps")
+            return
+        stays = stays or self.feet.stays
+        if stays is None:
             return
         self._withheld = target
-        note = f"without steps: {self.restrictions.stays}"
+        note = f"without steps: {stays}"
         self.on_note(note)
         if target:
             self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, note)))
 
     def _take_part(self, target: Target, born_s: float) -> None:
-        """Take a target for arms and head, or one that restricts the robot; see `TargetLedger`."""
+        """Take a target for arms, head or a foot, or one that restricts the robot; see `TargetLedger`."""
         intent = part_of_words(target.intent) or target.intent
-        if isinstance(intent, Restriction) or (isinstance(intent, Relax) and intent.lifts):
+        late = target.too_late(self.ledger.now_s() - born_s)
+        if isinstance(intent, FootPlace):
+            self.feet.take(target, born_s)
+            return
+        if isinstance(intent, Relax) and intent.lifts:
+            placed = self.feet.holds(intent.part)
+            if placed and not self.restrictions.keeps(intent.part):
+                self.feet.take(target, born_s)
+                return
+            if placed and not late:
+                self.feet.let_go(intent.part)
             self.restrictions.take(target, born_s)
             return
-        if intent == Relax() and not target.too_late(self.ledger.now_s() - born_s):
+        if isinstance(intent, Restriction):
+            self.restrictions.take(target, born_s)
+            return
+        if intent == Relax() and not late:
             self.restrictions.let_all_go()
+            self.feet.let_go(intent.part)
         self.parts.take(target, born_s)
 
     def _stand_still(self, reason: str) -> None:
         """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""
-        if self._runner is not None and self._runner.travels:
+        if self._travels:
             self.ledger.halted = True
             self.on_note(f"coming to a stand: {reason}")
+
+    @property
+    def _travels(self) -> bool:
+        """Whether the robot is asked to move from its place, or to turn, and that is not over."""
+        return self._runner is not None and self._runner.travels and not self.ledger.halted
 
     @property
     def has_target(self) -> bool:
@@ -305,6 +345,7 @@ class Replanner:
         reason = "the planner was started again, and the robot does not stand yet"
         self.ledger.refuse_all(reason)
         self.parts.refuse_all(reason)
+        self.feet.refuse_all(reason)
         self.restrictions.refuse_all(reason)
         if not row.plan and not row.pending:
             self._succeeds, self.ledger.halted = not row.ready, True

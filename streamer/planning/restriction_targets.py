@@ -215,6 +215,16 @@ class RestrictionTargets:
                     tension |= dict.fromkeys(one.binds, asked)
         return Restrictions(frozenset(self._planted), caps, tension)
 
+    def keeps(self, part: str) -> bool:
+        """Whether a foot of a name of `Relax` is kept where it is, or will be."""
+        if part not in FOOT_PARTS.values():
+            return False
+        waiting = [part_of_words(target.intent) or target.intent for target, _ in self._waiting]
+        asked = [*waiting, *(one.intent for one in self._held)]
+        kept = frozenset[int]().union(*(intent.sides for intent in asked if isinstance(intent, Contact)))
+        inherited = frozenset[int]() if self._inherited is None else self._inherited.binds[Contact]
+        return not (kept | inherited).isdisjoint(self._freed(part)[1])
+
     @property
     def stays(self) -> str | None:
         """Why the robot makes no step; None: it may."""

@@ -13,7 +13,7 @@ LAYOUT = StateLayout(20, 12)
 ORDER = ["feet", "human_feet", "com", "dcm", "com_offset", "position", "velocity", "q", "base", "steps", "consumed"]
 ORDER += ["landed", "stance", "source_tick", "heading", "yaws", "detector", "ease", "drift"]
 ORDER += ["part", "part_from", "part_speed", "part_to", "part_begins", "part_due", "part_until", "part_bound"]
-ORDER += ["planted", "tension", "asked_tension"]
+ORDER += ["planted", "tension", "asked_tension", "placed", "astride"]
 
 
 def test_fields_fill_the_vector_in_the_order_that_logs_were_written_with() -> None:
@@ -21,7 +21,7 @@ def test_fields_fill_the_vector_in_the_order_that_logs_were_written_with() -> No
     read = [np.asarray(value).view(np.float64).ravel() for _, value in LAYOUT.view(vector)]
     assert list(RetargetState.names()) == ORDER
     np.testing.assert_array_equal(np.concatenate(read), vector)
-    assert LAYOUT.size == 187 + SETTLED_STEPS * 11 + 8 * 12 + 2
+    assert LAYOUT.size == 193 + SETTLED_STEPS * 11 + 8 * 12 + 2
 
 
 def test_many_states_are_written_row_by_row_or_where_marked() -> None:
@@ -55,3 +55,4 @@ def test_the_initial_state_knows_of_no_human_and_no_step() -> None:
     assert np.isnan(state.yaws).all() and np.isnan(state.human_feet).all()
     assert (state.consumed == -np.inf).all()
     np.testing.assert_array_equal(state.detector, ContactDetector().initial())
+    assert (state.placed == -1.0).all() and state.astride == 0.0

@@ -580,6 +580,20 @@ def test_a_hand_that_is_let_go_does_not_go_back_to_where_it_was_dragged(make_off
     assert [answer.id for answer in office.told] == ["h3"] and office.states == ["superseded"]
 
 
+def test_a_foot_that_is_kept_down_and_its_place_replace_each_other_at_no_desk(make_office: Make, clock: Clock) -> None:
+    """As one part of the body, a foot target that came 2 ms later would have dropped the restriction unread."""
+    office = make_office(coalesce_s=0.005)
+    place = '{"type":"foot","side":"left","position_m":[0.0,0.12],"id":"%s"}'
+    for message in ('{"type":"contact","foot":"left"}', place % "f1", place % "f2", place % "f3"):
+        office.ask(message)
+    office.ask('{"type":"relax","part":"left foot"}')
+    clock.now += 0.02
+    office.desk.pump()
+    arrived = [type(target.intent).__name__ for target in office.run.arrived()]
+    assert arrived == ["Contact", "FootPlace", "FootPlace", "Relax"]
+    assert [answer.id for answer in office.told] == ["f3"] and office.states == ["superseded"]
+
+
 def test_a_part_holds_for_its_time_to_live_or_that_of_the_settings_after_it_is_there(make_office: Make) -> None:
     office = make_office(part_holds_s=4.0)
     office.ask(HAND % ("left", "l1"))

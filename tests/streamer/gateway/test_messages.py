@@ -22,7 +22,7 @@ from flexmotion.streamer.gateway.messages import (
 )
 from flexmotion.streamer.gateway.schema import schema_text
 from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
@@ -57,6 +57,14 @@ OWN: dict[str, dict[str, Any]] = {
         "tolerance_m": st.floats(0.03, 1.0),
     },
     "hand": {"side": SIDE, "position_m": PLACE, "tolerance_m": st.floats(0.0, 2.0), **TIMED},
+    "foot": {
+        "side": SIDE,
+        "position_m": st.tuples(*[st.floats(-1.0, 1.0)] * 2),
+        "heading_rad": st.floats(-3.0, 3.0),
+        "tolerance_m": st.floats(0.0, 1.0),
+        "tolerance_rad": st.floats(0.0, 3.0),
+        **TIMED,
+    },
     "point": {"side": SIDE, "direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "look": {"direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "joint": {"joint": st.just("l_el"), "angle_rad": st.floats(-6.0, 6.0), **TIMED},
@@ -180,6 +188,9 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"heading","heading_rad":1.5,"turning_rad_s":0.3}') == Heading(1.5, 0.3)
     hand = '{"type":"hand","side":"left","position_m":[0.1,0.2,0],"in_s":1,"tolerance_m":0.02}'
     assert intent(hand) == Hand("left", (0.1, 0.2, 0.0), 1.0, 0.02)
+    foot = '{"type":"foot","side":"left","position_m":[0.06,0.1],"heading_rad":0.2,"in_s":2,"tolerance_m":0.02}'
+    assert intent(foot) == FootPlace("left", (0.06, 0.1), 0.2, 2.0, 0.02)
+    assert intent('{"type":"foot","side":"right","position_m":[0,-0.1]}') == FootPlace("right", (0.0, -0.1))
     assert intent('{"type":"point","side":"right","direction":[1,0,0]}') == Point("right", (1.0, 0.0, 0.0))
     assert intent('{"type":"look","direction":[1,1,0]}') == Look((1.0, 1.0, 0.0))
     assert intent('{"type":"joint","joint":"l_el","angle_rad":0.5}') == JointAngle("l_el", 0.5)

@@ -13,7 +13,7 @@ from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.async_client import AsyncClient
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.motion.intents import Intent
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 from .conftest import Answering, Begin
@@ -25,6 +25,16 @@ TARGETS: list[tuple[Call, list[str], Intent]] = [
         lambda client: client.hand("right", 0.15, -0.1, 0.2, in_s=1.0),
         ["--hand", "right", ".15", "-.1", ".2", "--in", "1"],
         Hand("right", (0.15, -0.1, 0.2), in_s=1.0),
+    ),
+    (
+        lambda client: client.foot("left", 0.06, 0.1, math.radians(-10.0), in_s=1.5, tolerance_m=0.02),
+        ["--foot", "left", ".06", ".1", "--heading", "-10", "--in", "1.5", "--tolerance", ".02"],
+        FootPlace("left", (0.06, 0.1), math.radians(-10.0), in_s=1.5, tolerance=0.02),
+    ),
+    (
+        lambda client: client.foot("right", 0.0, -0.1),
+        ["--foot", "right", "0", "-.1"],
+        FootPlace("right", (0.0, -0.1)),
     ),
     (
         lambda client: client.point("left", 1.0, 0.5, 0.0, in_s=0.8),

@@ -16,7 +16,7 @@ from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Relax
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.run.requests import Request
@@ -111,6 +111,25 @@ def test_targets_for_hands_and_head_are_followed_again(logged_session: Callable[
         "look",
         "joint",
     ]
+    assert replay(log, Subject.of(log)).differing == []
+
+
+def test_a_foot_is_placed_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+    made = logged_session(tmp_path / "feet.mcap")
+    session = made.session
+    asked = {200: FootPlace("left", (0.05, 0.1), 0.1, 1.0), 420: Relax("left foot")}
+
+    def operate() -> Request | None:
+        tick = 0 if session.loop is None else session.loop.tick_count
+        if tick in asked:
+            session.targets.send(asked.pop(tick))
+        return Request.END if tick == 560 else None
+
+    session.next_request = operate
+    session.run()
+    log = read_log(made.path)
+    assert [set(one) & {"foot", "relax"} for one in log.targets] == [{"foot"}, {"relax"}]
+    assert (~session.record.ticks.contact_ref[:, 0]).any(), "no step was made"
     assert replay(log, Subject.of(log)).differing == []
 
 

@@ -25,7 +25,7 @@ from flexmotion.streamer.motion.intents import (
     to_content,
     word_of,
 )
-from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import TargetMailbox
 
@@ -44,6 +44,7 @@ _INTENTS = st.one_of(
     st.builds(Waypoint, *[st.floats(-1e3, 1e3)] * 2, st.none() | st.floats(-1e3, 1e3), st.floats(0.03, 1.0)),
     st.just(Stop()),
     st.builds(Hand, _SIDES, _PLACES, st.floats(0.0, 10.0), st.floats(0.0, 2.0)),
+    st.builds(FootPlace, _SIDES, st.tuples(*[st.floats(-1.0, 1.0)] * 2), st.floats(-3.0, 3.0), st.floats(0.0, 10.0)),
     st.builds(Point, _SIDES, _DIRECTIONS, st.floats(0.0, 10.0)),
     st.builds(Look, _DIRECTIONS, st.floats(0.0, 10.0)),
     st.builds(JointAngle, st.sampled_from(["l_el", "head_pan"]), st.floats(-6.0, 6.0), st.floats(0.0, 10.0)),
@@ -83,6 +84,12 @@ def test_an_intent_comes_back_from_shared_memory_bit_by_bit(intent: Intent) -> N
             lambda: Hand("left", (0.1, 0.0, 0.0), in_s=-1.0),
             "in_s: expected seconds, finite and within 0 to 10; found -1",
         ),
+        (
+            lambda: FootPlace("left", (0.1, math.inf)),
+            r"foot: place: expected \[x, y\], finite and within ±1; found inf",
+        ),
+        (lambda: FootPlace("left", (0.1, 0.1, 0.0)), r"foot: place: expected 2 numbers, \[x, y\]; found"),  # type: ignore[arg-type]
+        (lambda: FootPlace("left", (0.1, 0.1), 4.0), "foot: heading: expected radians, finite and within ±3.14159"),
         (lambda: Look((0.0, 0.0, 0.0)), "look: direction: expected a direction of length"),
         (lambda: JointAngle("", 1.0), "joint: expected the name of a joint"),
         (lambda: JointAngle("l_el", 9.0), "joint: angle: expected radians, finite and within ±6.28319; found 9"),

@@ -30,10 +30,9 @@ MOST_S = 20.0
 class Live:
     """A session that stands, with the answers to its targets."""
 
-    def __init__(self) -> None:
+    def __init__(self, *items: Item) -> None:
         robot = load_robot("op3")
-        items = [Item(0.0, Text("stand still"))]
-        source = ModelSource(StubSampler(), items, "model:stub")  # type: ignore[arg-type]
+        source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub")  # type: ignore[arg-type]
         self.session = Session(robot, create("sim", robot, seed=0), source, load_stream())
         self._reader = self.session.heard_channel.reader()
         self.told: dict[int, Heard] = {}
