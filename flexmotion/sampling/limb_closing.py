@@ -81,8 +81,8 @@ LEG = Limb(
     farthest=0.5,
     rigid=("ankle", "heel", "toe"),
 )
-"""A knee is not closed: the foot would leave its place with it. A foot that is asked to stand still while its body walks
-on is left behind less: reaching for it without a bound left a residual of 66 % of body weight, now 22."""
+"""A knee is not closed: the foot would leave its place with it. A foot that is to stand still while its body walks on
+is left behind less: reaching for it without a bound left a residual of 66 % of body weight, now 22."""
 
 STAYS = 0.03
 """A foot that is so near to where it is asked to be stays there [m]."""
