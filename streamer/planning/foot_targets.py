@@ -67,7 +67,8 @@ class FootTargets:
         publish: is given the answer to every target, once, and later versions; on_note: a message for the operator.
 
     Attributes:
-        astride: a stop has ended one: the feet stay as they have landed until something new is asked for.
+        astride: a stop has ended one, or a leg may not bear a step: the feet stay as they have landed until something
+            new is asked for.
     """
 
     def __init__(
@@ -77,7 +78,10 @@ class FootTargets:
         self._rate = retargeter.rate
         self.astride = False
         self._waiting: list[tuple[Target, float]] = []
+        self._going: list[str] = []  # parts that were let go since the last update
         self._held: _Held | None = None
+        self._gathers = 0  # revision from which on plans bring the feet side by side
+        self._weak_leg = ""  # why no step can be made for the caps that hold; empty: it can
         self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
         self._revisions = Revisions(self._rate)
 
@@ -96,9 +100,7 @@ class FootTargets:
         for target, _ in [one for one in self._waiting if _is_of(one[0], part)]:
             self._tell(target, "superseded", "it was let go right after it")
         self._waiting = [one for one in self._waiting if not _is_of(one[0], part)]
-        if self._held is not None and _is_of(self._held.target, part):
-            self._supersede()
-        self.gather()
+        self._going.append(part)
 
     def update(
         self, row: TickRow, tick: float, now_s: float, playing: Plan | None, travels: bool, restrictions: Restrictions
@@ -113,16 +115,23 @@ class FootTargets:
             restrictions: that hold.
         """
         waiting, self._waiting = self._waiting, []
+        going, self._going = self._going, []
+        self._weak_leg = self._capped(restrictions)
         ended = ended_by(row)
         if ended is not None:
+            # What was let go with it is not: a step would follow the stop.
             for target, _ in waiting:
                 self._tell(target, "refused", ended)
-            self.astride = (self.astride or self._held is not None) and State(int(row.state)) in _STANDS
+            unknown = self._gathers > self._revisions.known(int(row.plan), int(row.pending))
+            self.astride = (self.astride or self._held is not None or unknown) and State(int(row.state)) in _STANDS
             # The plan that stops makes no step for it, and none is asked for once the stop is released.
             self._end(ended, "refused")
             self._answer_all()
             return
         self._answer(row)
+        for part in going:
+            if self._held is None or _is_of(self._held.target, part):
+                self._let_feet_go()
         held = self._held
         if held is not None and held.until <= tick:
             self.give_way(f"its time is over ({held.target.holds_s:g} s)")
@@ -130,8 +139,8 @@ class FootTargets:
             self.give_way("the robot is to walk")
         elif held is not None and held.goal.side in restrictions.planted:
             self.give_way(_kept(held.foot))
-        elif held is not None and (capped := self._capped(restrictions)) and tick < (held.lands or np.inf):
-            self.give_way(capped)
+        elif held is not None and self._weak_leg and tick < (held.lands or np.inf):
+            self.give_way(self._weak_leg)
         for target, born_s in waiting:
             if target.too_late(now_s - born_s):
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
@@ -141,7 +150,7 @@ class FootTargets:
                 if isinstance(target.intent, Relax):
                     self._relax(target, target.intent)
                 else:
-                    self._begin(target, born, self._why_not(target, born, playing, travels, restrictions))
+                    self._begin(target, born, self._why_not(target, born, playing, travels, restrictions.planted))
             except ConfigError as error:
                 self._tell(target, "refused", str(error))
 
@@ -161,10 +170,18 @@ class FootTargets:
         """
         if self._held is not None:
             self._revisions.change()
+            self.astride |= bool(self._weak_leg)
         self._end(reason, state)
 
+    def begin_with(self, plan: Plan) -> None:
+        """Go on from a plan of another process: feet that it has placed stay as they are."""
+        last = self._retargeter.layout.view(plan.states[-1].copy())
+        self.astride = bool(last.placed[0] >= 0 or last.astride)
+
     def gather(self) -> None:
-        """Feet that a stop has left as they were may come side by side."""
+        """Feet that a stop has left as they were may come side by side, unless a leg is too weak for a step."""
+        if self._weak_leg:
+            return
         if self.astride:
             self._revisions.change()
         self.astride = False
@@ -238,16 +255,16 @@ class FootTargets:
     # ------------------------------------------------------------------ targets
 
     def _why_not(
-        self, target: Target, born: float, playing: Plan | None, travels: bool, restrictions: Restrictions
+        self, target: Target, born: float, playing: Plan | None, travels: bool, planted: frozenset[int]
     ) -> str | None:
         """Why a foot cannot be placed now, whatever the place; None: it can."""
         intent = target.intent
         assert isinstance(intent, FootPlace)
         side = SIDES.index(intent.side)
-        if side in restrictions.planted:
+        if side in planted:
             return _kept(FOOT_PARTS[intent.side])
-        if capped := self._capped(restrictions):
-            return capped
+        if self._weak_leg:
+            return self._weak_leg
         if travels or (playing is not None and self._steps(playing, born)):
             return "the robot walks, or makes steps of another motion: expected one that stands (hold)"
         if target.holds_s <= intent.in_s:
@@ -275,10 +292,18 @@ class FootTargets:
     def _relax(self, target: Target, intent: Relax) -> None:
         if not self.holds(intent.part):
             raise ConfigError(f"relax: {intent.part!r} is asked for nothing")
-        self._supersede()
-        self.gather()
+        if self._weak_leg:
+            raise ConfigError(f"relax: {self._weak_leg}")
+        self._let_feet_go()
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
         self._let_go.append((self._revisions.newest, heard))
+
+    def _let_feet_go(self) -> None:
+        apart = self._held is not None or self.astride
+        self._supersede()
+        self.gather()
+        if apart:
+            self._gathers = self._revisions.newest
 
     def _capped(self, restrictions: Restrictions) -> str:
         """Why a step cannot be made for the torque caps that hold; empty: it can.
@@ -332,6 +357,7 @@ class FootTargets:
         if held is None:
             return
         self._revisions.change()
+        self.astride |= bool(self._weak_leg)
         if not held.answered:
             reason = "a newer target for a foot came before a plan followed it"
             self._publish(held.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))

@@ -356,6 +356,7 @@ class Replanner:
         plan = self.planner.without_human(offer.plan)
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
+        self.feet.begin_with(plan)
         self.restrictions.begin_with(offer.ticket.id, plan)
         self._succeeds, self.ledger.halted = False, True
         return True

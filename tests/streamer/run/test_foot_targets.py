@@ -193,6 +193,33 @@ def test_a_stop_leaves_the_feet_where_they_are_until_something_new_is_asked_for(
     assert_beside(live)
 
 
+def test_what_is_let_go_while_a_stop_holds_makes_no_step(live: Live) -> None:
+    """A `relax` that was refused for the stop brought the foot back once the stop was released."""
+    asked(live, AHEAD, FOREVER)
+    go_on(live, 1.5)
+    live.session.ask(Request.STOP)
+    go_on(live, 1.0)
+    assert asked(live, Relax("all")).state == "refused"
+    live.session.ask(Request.CLEAR)
+    go_on(live, 2.0)
+    assert_there(live, AHEAD)
+
+
+def test_a_foot_does_not_step_back_with_a_leg_whose_torque_is_capped(live: Live) -> None:
+    """The end of a foot's target took 2.7 N·m of a knee that had been capped at 1.2 meanwhile."""
+    asked(live, AHEAD, 4.0)
+    go_on(live, 1.5)
+    assert asked(live, TorqueCap("left knee", 1.2), FOREVER).state == "accepted"
+    refused = asked(live, Relax("left foot"))
+    assert refused.state == "refused" and "l_knee is capped" in str(refused.reason)
+    go_on(live, 4.0)  # its time is over
+    assert_there(live, AHEAD)
+    assert asked(live, Relax("torque left knee")).state == "accepted"
+    assert asked(live, Relax("left foot")).state == "accepted"
+    go_on(live, 1.5)
+    assert_beside(live)
+
+
 @pytest.mark.parametrize("after_s", [0.1, 0.7])
 def test_a_stop_on_the_way_ends_it_with_both_feet_down(live: Live, after_s: float) -> None:
     """A stop left the plan as it was that made the step: the foot lifted half a second after the stop."""
