@@ -10,15 +10,16 @@ import pytest
 from benchmarks.robot.foot_targets import Soles
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Text, Velocity
-from flexmotion.streamer.motion.part_intents import FootPlace, Hand, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.requests import Request
 
 from .test_live_targets import Live
 from .test_part_targets import RATE, asked, go_on, live
+from .test_restrictions import Restarted, capped
 
-__all__ = ["live"]
+__all__ = ["capped", "live"]
 
 AHEAD = FootPlace("left", (0.06, 0.1), in_s=1.2)
 WALK = Velocity(0.3, 0.0, 0.0)
@@ -262,3 +263,16 @@ def test_without_torque_it_is_over(live: Live) -> None:
     assert np.abs(live.session.record.ticks.tilt).max() < 0.5
     notes = [event.message for event in live.session.record.events if event.kind == "note"]
     assert any(note.startswith("over: left foot to [0.11, 0.1] m") for note in notes)
+
+
+def test_a_new_planner_leaves_the_feet_where_they_are(capped: Restarted) -> None:
+    """The first plan of a planner that was started again, for a look of the head, brought the foot back."""
+    assert asked(capped, Relax("torque l_el")).state == "accepted"
+    assert asked(capped, AHEAD, FOREVER).state == "accepted"
+    go_on(capped, 1.5)
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 0.5)
+    assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
+    go_on(capped, 1.5)
+    assert_there(capped, AHEAD)

@@ -19,6 +19,7 @@ from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.foot_targets import FootTargets
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
@@ -329,6 +330,7 @@ class Restarted(Live):
         retargeter = new.planner.retargeter
         new.restrictions = RestrictionTargets(retargeter, new._publish, new.on_note, new._stand_still)
         new.parts = PartTargets(retargeter, new._publish, new.on_note)
+        new.feet = FootTargets(retargeter, new._publish, new.on_note)
         new.succeed()
 
     @property
