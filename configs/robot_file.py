@@ -177,7 +177,7 @@ class GaitPace(Strict):
         ahead, back, aside: scaled to the robot's legs [m/s].
         turning: [rad/s].
         reached: greatest speed ahead of the robot itself, however fast the human goes [m/s]: "faster" is refused there.
-            None: as `ahead`.
+            None, or a greater one: as `ahead`.
     """
 
     ahead: float = Field(gt=0)
@@ -185,12 +185,6 @@ class GaitPace(Strict):
     aside: float = Field(gt=0)
     turning: float = Field(gt=0)
     reached: float | None = Field(None, gt=0)
-
-    @model_validator(mode="after")
-    def _reached_of_ahead(self) -> GaitPace:
-        if self.reached is not None and self.reached > self.ahead:
-            raise ValueError(f"reached is {self.reached:g}, expected at most ahead, {self.ahead:g}")
-        return self
 
 
 class Gait(Strict):
