@@ -50,8 +50,8 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 3 times one
-without constraints."""
+"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 4.6 times
+one without constraints."""
 
 ARMS_CLOSE = 0.12
 """Distance over which arms bring hands in reach to their places without a correction of the latent [m]. Behind a
