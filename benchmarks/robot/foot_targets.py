@@ -23,6 +23,7 @@ from rich.table import Table
 
 from benchmarks.robot.model_run import sampler_of
 from benchmarks.robot.simulation import simulator
+from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
@@ -251,10 +252,7 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     back = [row for row in rows if not row.stays]
     beside = sum(row.beside_m <= (FAR_M if row.prompt == STANDS else GESTURE_M) for row in back)
     expected = {what: state for what, _, _, _, state in _OTHERS}
-    others = {what: state for run in runs for what, state in run.asked_for.items()}
-    wrong = [f"{what}: {state}" for what, state in others.items() if state != expected[what]]
     upright, sent = sum(run.upright for run in runs), sum(run.violations for run in runs)
-    told = f" ({', '.join(wrong)})" if wrong else ""
     return [
         Verdict(f"sole within 1 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"within 2 cm half a second later: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
@@ -262,9 +260,7 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
         Verdict(f"side by side again (2 cm, in a gesture 5.5): {beside} of {len(back)} (all)", beside == len(back)),
         Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
         Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
-        Verdict(
-            f"impossible targets that end as documented: {len(others) - len(wrong)} of {len(others)}{told}", not wrong
-        ),
+        as_documented((run.asked_for for run in runs), expected),
     ]
 
 

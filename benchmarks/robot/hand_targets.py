@@ -22,6 +22,7 @@ from rich.table import Table
 
 from benchmarks.robot.model_run import sampler_of
 from benchmarks.robot.simulation import simulator
+from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
@@ -227,11 +228,8 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
         )
     )
     expected = {what: state for what, _, _, state in _OTHERS}
-    others = {what: state for run in runs for what, state in run.asked_for.items()}
-    wrong = [f"{what}: {state}" for what, state in others.items() if state != expected[what]]
     upright, touched = sum(run.upright for run in runs), sum(run.self_contacts for run in runs)
     sent = sum(run.violations for run in runs)
-    told = f" ({', '.join(wrong)})" if wrong else ""
     return [
         Verdict(f"hand within 1.5 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"hand within 4 cm: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
@@ -239,9 +237,7 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
         Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
         Verdict(f"ticks in which it touches itself: {touched} (0)", touched == 0),
         Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
-        Verdict(
-            f"impossible targets that end as documented: {len(others) - len(wrong)} of {len(others)}{told}", not wrong
-        ),
+        as_documented((run.asked_for for run in runs), expected),
     ]
 
 

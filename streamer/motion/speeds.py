@@ -56,7 +56,7 @@ class Speeds:
     def changed(self, step: Step, factor: float) -> Step:
         """The step at another speed, within the limits; the same step where it has only one or is at a limit.
 
-        The change is of the speed that the robot shows: a human who goes faster than it can makes no change of it.
+        The speed that the robot shows is changed. It does not change where only the human would go faster.
         """
         base = self._velocity(step)
         if base is None:

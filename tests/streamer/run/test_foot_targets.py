@@ -146,7 +146,7 @@ def test_gestures_leave_a_foot_where_it_is_and_a_newer_motion_that_steps_ends_it
     go_on(live, 1.5)
     assert_there(live, AHEAD)
     begin = live.session.record.ticks.true_base[-1, 0]
-    # To the listener of the stub it is no walk: its steps are found in the motion alone.
+    # The listener of the stub does not know it as a walk: only the motion shows its steps.
     assert asked(live, Text("walk forward"), FOREVER).state in ("accepted", "slowed")
     go_on(live, 3.0)
     assert live.session.record.ticks.true_base[-1, 0] - begin > 0.05

@@ -92,7 +92,7 @@ def test_gestures_go_on_and_a_motion_that_steps_is_made_on_the_spot(live: Live) 
     begin = live.session.state.tick
     assert asked(live, Text("wave with the right hand"), FOREVER).state == "accepted"
     assert asked(live, Hand("left", (0.12, 0.12, 0.05), in_s=1.0)).state == "accepted"
-    # To the listener of the stub it is no walk: its steps are found in the motion alone.
+    # The listener of the stub does not know it as a walk: only the motion shows its steps.
     on_the_spot = asked(live, Text("walk forward"), FOREVER)
     assert (on_the_spot.state, on_the_spot.dropped) == ("partly", ("steps",))
     assert on_the_spot.notes == ("without steps: both feet kept down: let them go first (relax 'both feet')",)
