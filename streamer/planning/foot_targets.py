@@ -27,7 +27,7 @@ from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by
+from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
 _LATE_S = 0.05
 """A foot that is there later than asked by more than this is called slowed [s]."""
@@ -363,11 +363,7 @@ class FootTargets:
             self._publish(held.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
 
     def _tell(self, target: Target, state: str, reason: str) -> None:
-        heard = Heard.model_validate(
-            {"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason}
-        )
-        self._publish(heard)
-        self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+        tell_unfollowed(target, state, reason, self._publish, self._on_note)
 
 
 def _is_of(target: Target, part: str) -> bool:

@@ -26,7 +26,7 @@ from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, R
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by
+from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
 Float = NDArray[np.float64]
 
@@ -287,8 +287,4 @@ class PartTargets:
             self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
 
     def _tell(self, target: Target, state: str, reason: str) -> None:
-        heard = Heard.model_validate(
-            {"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason}
-        )
-        self._publish(heard)
-        self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+        tell_unfollowed(target, state, reason, self._publish, self._on_note)

@@ -38,7 +38,7 @@ from flexmotion.streamer.motion.restriction_intents import (
 )
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by
+from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
 Float = NDArray[np.float64]
 
@@ -402,11 +402,7 @@ class RestrictionTargets:
         self._held, self._let_go = list(kept), []
 
     def _tell(self, target: Target, state: str, reason: str) -> None:
-        heard = Heard.model_validate(
-            {"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason}
-        )
-        self._publish(heard)
-        self._on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+        tell_unfollowed(target, state, reason, self._publish, self._on_note)
 
 
 def _without(one: _Held, free: frozenset[int]) -> _Held:

@@ -33,6 +33,21 @@ _FAULTED_PARK = (
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
 
 
+def tell_unfollowed(
+    target: Target, state: str, reason: str, publish: Callable[[Heard], None], on_note: Callable[[str], None]
+) -> None:
+    """Answer a target that no plan follows.
+
+    Args:
+        target: which.
+        state: of the answer; reason: for it.
+        publish: is given the answer; on_note: a message for the operator.
+    """
+    heard = Heard.model_validate({"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason})
+    publish(heard)
+    on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+
+
 def ended_by(row: TickRow) -> str | None:
     """Why no target is followed in the state of the loop; None: targets are followed."""
     state = State(int(row.state))
