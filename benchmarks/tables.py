@@ -11,12 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from string import Formatter
 
 from benchmarks.catalogue import CATALOGUE
 from benchmarks.results import FOLDER, ROOT, Result, kept
 from flexmotion.configs.errors import ConfigError
 
-DOCUMENTS = ("README.md", "docs/*.md", "benchmarks/README.md")
+DOCUMENTS = ("README.md", "docs/*.md", "docs/results/*.md", "benchmarks/README.md")
 """Where tables may be (globs in the project)."""
 
 BEGIN = re.compile(r"^<!-- figures: (?P<name>[\w-]+) -->\n", re.MULTILINE)
@@ -127,15 +128,21 @@ def of_groups(name: str, key: str, columns: Mapping[str, str], results: Results)
     Args:
         name: of the benchmark.
         key: a figure that each group of the table has.
-        columns: heading -> a format string over the figures of a group.
+        columns: heading -> a format string over the figures of a group, and `group`, its name; a cell whose figure the
+            group lacks is empty.
         results: kept ones.
     """
     result = results(name)
     if result is None:
         return f"`{name}`: no result is kept."
-    groups = [figures for figures in result.figures.values() if isinstance(figures, dict) and key in figures]
-    rows = [[form.format_map(group) for form in columns.values()] for group in groups]
+    groups = {one: own for one, own in result.figures.items() if isinstance(own, dict) and key in own}
+    rows = [[_cell(form, {"group": one, **own}) for form in columns.values()] for one, own in groups.items()]
     return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {result.machine.processor}."
+
+
+def _cell(form: str, figures: Mapping[str, object]) -> str:
+    names = {name for _, name, _, _ in Formatter().parse(form) if name}
+    return form.format_map(figures) if names <= figures.keys() else ""
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -188,6 +195,43 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "processor [µs]": "{processor_us:.0f}",
             "over rustypot's": "{processor_ratio:.2f}",
             "failed cycles": "{failed}",
+        },
+    ),
+    "ablations": partial(
+        of_groups,
+        "model/ablations",
+        "fid",
+        {
+            "cell": "{group}",
+            "Fréchet distance": "{fid:.3f}",
+            "residual force [% of weight]": "{euler_force:.2f}",
+            "residual moment [N·m/kg]": "{euler_moment:.3f}",
+            "torque error [N·m/kg]": "{actuation:.4f}",
+            "contact force error [% of weight]": "{contact_force:.2f}",
+            "activations out of bounds [%]": "{muscle_limit:.2f}",
+            "muscle torque error [N·m/kg]": "{muscle_torque:.3f}",
+            "skate": "{skate_ratio:.3f}",
+            "jerk [m/s³]": "{jerk:.1f}",
+        },
+    ),
+    "baselines": partial(
+        of_groups,
+        "model/baselines",
+        "fid",
+        {
+            "way, steps": "{group}",
+            "Fréchet distance": "{fid:.3f}",
+            "R-precision, top 3": "{r_precision_top3:.3f}",
+            "diversity": "{diversity:.2f}",
+            "multimodality": "{multimodality:.2f}",
+            "skate": "{skate_ratio:.3f}",
+            "jerk [m/s³]": "{jerk:.0f}",
+            "residual, decoded [% of weight]": "{residual_force:.2f}",
+            "residual, delivered": "{delivered_residual_force:.2f}",
+            "ZMP outside [% of frames]": "{delivered_zmp_outside:.1f}",
+            "parameters [million]": "{parameters_million:.1f}",
+            "GFLOP": "{gflop:.2f}",
+            "time of the shipped way": "{times:.2f}",
         },
     ),
     "bus-faults": partial(

@@ -3,10 +3,11 @@
 Reduced autoencoders (`--width`, `--layers`, `--steps`) are trained with several seeds, as configured and with one
 thing changed: without a group of losses, with the physics losses weighted from none to twice, with a narrower and a
 wider latent, without principal components. Judged are reconstructions of held-out windows. TRAINING is a run of
-`flexmotion train` with features (muscles included), text and evaluator; data, configuration and judge come from it. A
-run that was stopped continues when it is started again. What no latent at all and fewer steps of sampling do is in
-`model/baselines`. Fails where the physics losses do not improve their own metrics by 20 %, or where the Fréchet
-distance with all losses is more than 1.1 times that without one of them.
+`flexmotion train` with features (muscles included), text and evaluator, or a weights file with them, to which `--set`
+gives the data; data, configuration and judge come from it. A run that was stopped continues when it is started again.
+What no latent at all and fewer steps of sampling do is in `model/baselines`. Fails where the physics losses do not
+improve their own metrics by 20 %, or where the Fréchet distance with all losses is more than 1.1 times that without one
+of them.
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from shutil import copyfile
 from typing import Annotated
 
 import torch
 import typer
-import yaml
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from benchmarks.model.reduced import mean_ratio, small
+from benchmarks.shared.linked_run import linked_run
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.training_folder import training_folder
 from flexmotion.bundles.bundle import sha256
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import LossWeights, ModelConfig
@@ -133,22 +134,7 @@ class Reduction:
 def cell_run(training: Run, out: Path, name: str, seed: int, reduction: Reduction) -> Run:
     """The run of one cell and seed: a new one, or one that continues."""
     folder = out / f"{name.replace(' ', '-').replace('/', 'over')}-{seed}"
-    folder.mkdir(parents=True, exist_ok=True)
-    wanted = folder / "wanted.yaml"
-    content = CELLS[name].of(reduction.of(training.config)).model_dump()
-    wanted.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    for part in ("features", "text"):
-        link, there = folder / part, (training.folder / part).resolve()
-        if link.exists() and link.resolve() != there:
-            raise ConfigError(
-                f"{folder}: its {part} are those of another training, {link.resolve()}; use another folder"
-            )
-        if not link.exists():
-            link.symlink_to(there, target_is_directory=True)
-    fitted = training.folder / "muscle_torques.npz"
-    if fitted.is_file():
-        copyfile(fitted, folder / fitted.name)
-    return Run(folder, str(wanted), seed)
+    return linked_run(training, folder, CELLS[name].of(reduction.of(training.config)), seed, ("features", "text"))
 
 
 def reconstructed(judge: Judge, network: Autoencoder) -> Generator:
@@ -197,6 +183,7 @@ def verdicts(figures: dict[str, list[dict[str, float]]]) -> list[Verdict]:
 def main(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the runs; an unfinished one continues.")],
+    data: Annotated[Path | None, typer.Option("--set", help="Training set, where TRAINING is a weights file.")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Of each cell.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Of each autoencoder.")] = 1000,
     width: Annotated[int, typer.Option(min=4, help="Of the networks.")] = 96,
@@ -207,14 +194,14 @@ def main(
 ) -> Outcome:
     """Train with one thing changed at a time, and measure the reconstructions."""
     use_threads(threads)
-    source, console = Run(training), Console(width=200)
+    source, console = training_folder(training, out / "training", data, ["evaluator"]), Console(width=200)
     if not source.layout.muscles:
         raise ConfigError(f"{training}: has no muscles, so their losses cannot be measured")
     reduction = Reduction(width, layers, steps)
     judge = Judge(source, source.summary().with_proportions(Body()), windows)
     figures: dict[str, list[dict[str, float]]] = {name: [] for name in CELLS}
-    data = {name: sha256(source.folder / name) for name in ("features/index.json", "evaluator/best.pt")}
-    settings = asdict(reduction) | {"windows": windows} | data
+    judged_by = {name: sha256(source.folder / name) for name in ("features/index.json", "evaluator/best.pt")}
+    settings = asdict(reduction) | {"windows": windows} | judged_by
     cells = [(name, seed) for seed in range(seeds) for name in CELLS]
     for name, seed in track(cells, "cells", transient=True):
         run = cell_run(source, out, name, seed, reduction)

@@ -2,9 +2,12 @@
 
 Held-out windows are sampled after the clips' histories with their sentences by: the nearest training window, the model
 with 1, 2 and 4 steps, its teacher with 10 and 50 steps, and a diffusion of frames without a latent (MDM's
-architecture) that is trained here on the same features, words and manners. TRAINING is a run of `flexmotion train`
-with features, text, diffusion, distillation and evaluator. A training that was stopped continues when it is started
-again. Times are of the processor, in samples of the model as it is shipped. It only measures.
+architecture) that is trained here on the same features, words and manners. The shipped model was trained for longer
+than that, so a latent diffusion is trained here as well, for as many steps on the same windows ("latent, same steps").
+TRAINING is a run of `flexmotion train` with features, text, diffusion, distillation and evaluator, or a weights file
+whose folder has them; `--set` then gives the data, and a training folder is made in OUT. A training that was stopped
+continues when it is started again. Times are of the processor, in samples of the model as it is shipped. It only
+measures.
 """
 
 from __future__ import annotations
@@ -25,16 +28,20 @@ from torch import Tensor
 from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils.flop_counter import FlopCounterMode
 
+from benchmarks.shared.linked_run import linked_run
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, write_csv
 from benchmarks.shared.raw_diffusion import FrameDenoiser, RawSampler, RawTask
+from benchmarks.shared.training_folder import training_folder
 from flexmotion.evaluation.interval import Interval
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import is_trained, load_weights, training_record
+from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.evaluate import Judge
 from flexmotion.training.export import Decoder, export, load_networks
-from flexmotion.training.processes import use_threads
+from flexmotion.training.processes import Processes, use_threads
 from flexmotion.training.run import Run
 from flexmotion.training.stage import train_stage
 
@@ -55,6 +62,9 @@ TIMED = 20
 FEW, TEACHER = (1, 2, 4), (10, 50)
 """Steps of the student and of its teacher."""
 
+FRAMES, LATENT = f"frames, {TEACHER[-1]}", f"latent, same steps, {TEACHER[-1]}"
+"""Ways that are trained here."""
+
 ROWS = 3
 """Evaluations a step under guidance: with the request, in any manner, without any."""
 
@@ -70,23 +80,28 @@ class Cost:
 def main(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for what is trained and exported here.")],
-    frames: Annotated[bool, typer.Option(help="Also the diffusion of frames, which is trained for hours.")] = True,
-    steps: Annotated[int, typer.Option(min=1, help="Training steps of the diffusion of frames.")] = 5000,
+    data: Annotated[Path | None, typer.Option("--set", help="Training set, where TRAINING is a weights file.")] = None,
+    frames: Annotated[bool, typer.Option(help="Also what is trained here, for hours.")] = True,
+    steps: Annotated[int, typer.Option(min=1, help="Training steps of what is trained here.")] = 5000,
     windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 256,
     threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of windows and samples.")] = 0,
     csv_out: CsvOption = None,
 ) -> Outcome:
-    """Train the diffusion of frames where it is not, and measure all of them."""
+    """Train the diffusion of frames, and of a latent, where they are not, and measure all of them."""
     use_threads(threads)
-    run, console = Run(training), Console(width=200)
+    stages = ("autoencoder", "diffusion", "distill", "evaluator")
+    run, console = training_folder(training, out / "training", data, stages), Console(width=200)
     network = trained_frames(run, out / "frames", steps) if frames else None
+    latent = trained_latent(run, out / "latent", steps) if frames else None
     student, teacher = (export(run, out / name, distilled=name == "student") for name in ("student", "teacher"))
     few = sorted({*FEW, student.manifest.steps})
     samplers: dict[str, Sampler] = {f"student, {count}": Sampler(student, count, unjudged=True) for count in few}
     samplers |= {f"teacher, {count}": Sampler(teacher, count, unjudged=True) for count in TEACHER}
+    if latent is not None:
+        samplers[LATENT] = Sampler(export(latent, out / "same", distilled=False), TEACHER[-1], unjudged=True)
     if network is not None:
-        samplers[f"frames, {TEACHER[-1]}"] = RawSampler(student, network, run, TEACHER[-1])
+        samplers[FRAMES] = RawSampler(student, network, run, TEACHER[-1])
     judge = Judge(run, student.body, windows, seed)
     figures = {"real": judge.measure(judge.real), "nearest": judge.measure(judge.nearest())}
     for name, sampler in track(samplers.items(), "measures", transient=True):
@@ -95,8 +110,9 @@ def main(
     rows = {name: numbers(found, costs.get(name), times.get(name)) for name, found in figures.items()}
     console.print(table(figures, costs, times))
     console.print(f"teacher: {_trained(run.stage('diffusion'))} on a latent")
-    if network is not None:
+    if network is not None and latent is not None:
         console.print(f"diffusion of frames: {_trained(out / 'frames')}")
+        console.print(f"diffusion of a latent, trained here: {_trained(latent.stage('diffusion'))}")
     if csv_out is not None:
         write_csv(csv_out, [{"way": name, **dict.fromkeys(_names(rows), ""), **row} for name, row in rows.items()])
     return Outcome((), rows)
@@ -114,15 +130,29 @@ def trained_frames(run: Run, folder: Path, steps: int) -> FrameDenoiser:
     return network.eval()
 
 
+def trained_latent(run: Run, folder: Path, steps: int) -> Run:
+    """A run of the same autoencoder with a diffusion that was trained anew."""
+    parts = ("features", "text", "autoencoder")
+    own = linked_run(run, folder, run.config, run.seed, parts)
+    stage = own.stage("diffusion")
+    if not is_trained(stage) or training_record(stage).steps < steps:
+        encode, autoencoder = SentenceEncoder(own.stage("text")), load_autoencoder(own)
+        task = DiffusionTask(own.config, own.store(), autoencoder, encode, own.seed, Processes())
+        settings = own.config.stages.diffusion.model_copy(update={"steps": steps})
+        train_stage(task, settings, stage, fingerprint=f"{own.fingerprint()} anew")
+    return own
+
+
 def costs_of(run: Run, frames: FrameDenoiser | None, few: Sequence[int]) -> dict[str, Cost]:
     """Parameters and operations of a sample, by way; `few`: steps of the student."""
     found = {f"student, {count}": latent_cost(run, count, distilled=True) for count in few}
     found |= {f"teacher, {count}": latent_cost(run, count, distilled=False) for count in TEACHER}
     if frames is None:
         return found
+    found[LATENT] = found[f"teacher, {TEACHER[-1]}"]
     size = sum(value.numel() for value in frames.parameters())
     denoising = _operations(lambda: frames(*_inputs(run, ROWS, run.config.window.future * run.layout.size)))
-    found[f"frames, {TEACHER[-1]}"] = Cost(size, TEACHER[-1] * denoising)
+    found[FRAMES] = Cost(size, TEACHER[-1] * denoising)
     return found
 
 

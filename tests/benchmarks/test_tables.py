@@ -65,6 +65,13 @@ def test_options_of_a_result_are_named() -> None:
     assert "measured (2026-01-31, 0123456, load 0.5 on 2 cores, with `--minutes 0.2`)" in text
 
 
+def test_a_group_is_named_and_a_figure_that_it_lacks_leaves_its_cell_empty() -> None:
+    kept = result("model/baselines", {"real": {"fid": 0.1}, "frames, 50": {"fid": 0.25, "times": 30.0}})
+    columns = {"way": "{group}", "distance": "{fid:.2f}", "time": "{times:.1f}"}
+    text = of_groups("model/baselines", "fid", columns, lambda _name: kept)
+    assert "| real | 0.10 |  |\n| frames, 50 | 0.25 | 30.0 |" in text
+
+
 def test_without_a_result_the_table_says_so() -> None:
     assert of_groups("bus/faults", "fault", {}, lambda _name: None) == "`bus/faults`: no result is kept."
 
