@@ -36,11 +36,6 @@ def patience_of(content: Mapping[str, Any]) -> float:
     return GET_UP_S + PATIENCE_S if content.get("get_up") else PATIENCE_S
 
 
-def clear_content(get_up: bool) -> dict[str, Any]:
-    """A `clear`."""
-    return {"type": "clear", "get_up": get_up or None}
-
-
 class StopAnswer(BaseModel):
     """Answer of the stop process.
 
@@ -203,39 +198,6 @@ class Messages:
             raise self.failed(error, port) from error
         finally:
             connection.close()
-
-
-def text_content(text: str, ttl_s: float | None) -> dict[str, Any]:
-    """Fields of a `TextMessage`; those that are None are left out when it is sent, as in the next three."""
-    return {"type": "text", "text": text, "ttl_s": ttl_s}
-
-
-def velocity_content(forward: float, left: float, turning: float, ttl_s: float | None) -> dict[str, Any]:
-    """Fields of a `VelocityMessage`."""
-    return {"type": "velocity", "velocity": [forward, left, turning], "ttl_s": ttl_s}
-
-
-def heading_content(heading: float, turning: float | None, ttl_s: float | None) -> dict[str, Any]:
-    """Fields of a `HeadingMessage`."""
-    return {"type": "heading", "heading_rad": heading, "turning_rad_s": turning, "ttl_s": ttl_s}
-
-
-def waypoint_content(
-    x: float, y: float, heading: float | None, tolerance_m: float | None, ttl_s: float | None
-) -> dict[str, Any]:
-    """Fields of a `WaypointMessage`."""
-    place = {"position_m": [x, y], "heading_rad": heading, "tolerance_m": tolerance_m}
-    return {"type": "waypoint", **place, "ttl_s": ttl_s}
-
-
-def part_content(kind: str, in_s: float | None, ttl_s: float | None, **fields: Any) -> dict[str, Any]:
-    """Fields of a message about a part of the body; see `part_messages.py`."""
-    return {"type": kind, **fields, "in_s": in_s, "ttl_s": ttl_s}
-
-
-def kill_content(confirm: str) -> dict[str, Any]:
-    """Fields of a `KillMessage`."""
-    return {"type": "kill", "confirm": confirm}
 
 
 class Ends:
