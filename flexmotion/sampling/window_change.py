@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.features.constraint_layout import PATH, PLACES, ROTATIONS, ConstraintLayout
 from flexmotion.features.joint_groups import PELVIS_SIZE, ROTATION_SIZE
-from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
-from flexmotion.sampling.joint_spins import JointSpins, chains, joints_of
+from flexmotion.sampling.joint_spins import JointSpins, carrying
 from flexmotion.sampling.planted import Holding
-from flexmotion.sampling.window_pose import FEET, PELVIS, WindowPose
+from flexmotion.sampling.window_pose import FEET, PELVIS, WindowPose, point_owners
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -66,36 +63,29 @@ class WindowChange:
                 found[own] = (self._spins.kept[frame, column][:, None] @ self._rotations[frame])[:, 0]
             else:
                 points, number = np.unique(column // 3, return_inverse=True)
-                found[own] = self.points(points)[frame, number, column % 3]
+                asked, row = np.unique(frame, return_inverse=True)
+                found[own] = self.points(points, asked)[row, number, column % 3]
         return found
 
-    def points(self, points: Indices) -> Float32:
-        """Derivatives of points of the body by their numbers in `layout.POINTS`, (W, P, 3, L) [leg]."""
-        return self._relative_points(points) + self.path[:, None, :3]
+    def points(self, points: Indices, frames: Indices | slice = slice(None)) -> Float32:
+        """Derivatives of points of the body by their numbers in `layout.POINTS`, (W, P, 3, L) [leg], or of frames."""
+        pose = self._pose
+        places, owners = pose.points[frames][:, points], np.array(point_owners(pose.body))[points]
+        weights = self._weights(places, carrying(pose.body)[owners], frames)
+        return self._relative(weights, places, frames) + self.path[frames, None, :3]
 
     def at_segment(self, segment: int, place: Float) -> Float32:
         """Derivatives of a point that is fixed to one of the model's bodies, (W, 3, L) [leg]; `place`: (W, 3) [m]."""
-        pose, parents = self._pose, human_model(self._pose.body).model.body_parentid
-        weights = np.zeros((len(place), 1, 3, ROTATION_SIZE))
-        joints = joints_of(pose.body)
-        while segment:
-            if segment in joints:
-                lever = (place - pose.position[:, segment]) / pose.body.leg
-                weights[:, 0, :, joints[segment].columns] += _crossed(self._spins.world[segment], lever)
-            segment = int(parents[segment])
+        weights = self._weights(place[:, None], carrying(self._pose.body)[[segment]])
         return self._relative(weights, place[:, None])[:, 0] + self.path[:, :3]
 
     def centre(self, segments: Mask) -> Float32:
         """Derivatives of the centre of mass of some of the model's bodies, (B,) -> (W, 3, L) [leg]."""
         pose, body = self._pose, self._pose.body
         mass = human_model(body).model.body_mass * segments
-        centres = pose.centres
-        weights = np.zeros((len(pose.yaw), 1, 3, ROTATION_SIZE))
-        for segment, joint in joints_of(body).items():
-            moved = mass * _beyond(body)[segment]
-            if moved.any():
-                lever = (np.einsum("b,tbi->ti", moved, centres) - moved.sum() * pose.position[:, segment]) / body.leg
-                weights[:, 0, :, joint.columns] += _crossed(self._spins.world[segment], lever / mass.sum())
+        centres, moved = pose.centres, carrying(body).T * mass  # (50, B)
+        lever = centres.swapaxes(-1, -2) @ moved.T - moved.sum(axis=1) * self._spins.place
+        weights = _crossed(self._spins.world, lever)[:, None] / (body.leg * mass.sum())
         place = np.einsum("b,tbi->ti", mass / mass.sum(), centres)
         return self._relative(weights, place[:, None])[:, 0] + self.path[:, :3]
 
@@ -111,56 +101,71 @@ class WindowChange:
         x = cosine * ahead - sine * aside - step[:, 1:] * yaw_before
         y = sine * ahead + cosine * aside + step[:, :1] * yaw_before
         # The heading of a pelvis that is not decoded exactly without its heading.
-        own = (self._spins.world[PELVIS][:, 2:].astype(np.float32) @ self._rotations[:, :PELVIS_SIZE])[:, 0]
+        about = self._spins.world[:, 2:, :PELVIS_SIZE].astype(np.float32)
+        own = (about @ self._rotations[:, :PELVIS_SIZE])[:, 0]
         path: Float32 = np.stack([np.cumsum(x, axis=0), np.cumsum(y, axis=0), root[:, 3], yaw + own], axis=1)
         if holding is not None:
-            feet = self._relative_points(np.array(FEET))[:, :, :2] + path[:, None, :2]
-            feet = np.concatenate([np.zeros_like(feet[:1]), feet]).reshape(len(path) + 1, 2, 2, 2, -1)
-            path[:, :2] -= holding.shift(feet)
+            path[:, :2] -= self._held(holding, path[:, :2])
         return path
 
-    def _relative_points(self, points: Indices) -> Float32:
-        pose, weights = self._pose, np.zeros((len(self._pose.yaw), len(points), 3, ROTATION_SIZE))
-        for row, point in enumerate(points):
-            place = pose.points[:, point]
-            for segment, columns in ((PELVIS, slice(0, PELVIS_SIZE)), *chains(pose.body)[point]):
-                lever = (place - pose.position[:, segment]) / pose.body.leg
-                weights[:, row, :, columns] += _crossed(self._spins.world[segment], lever)
-        return self._relative(weights, pose.points[:, points])
+    def _held(self, holding: Holding, path: Float32) -> Float32:
+        """Derivatives of what the root makes up for of the slip of the feet, (W, 2, L) [leg].
 
-    def _relative(self, weights: Float, places: Float) -> Float32:
+        What a foot slips in a frame is its place less the one in the frame before. The feet are summed up before they
+        are multiplied by derivatives of rotations: two rows a frame and one before it, in place of three a point.
+
+        Args:
+            holding: of the feet.
+            path: derivatives of the place of a pelvis whose feet are not held, (W, 2, L) [leg].
+        """
+        pose, frames = self._pose, len(path)
+        places, feet = pose.points[:, FEET], carrying(pose.body)[[point_owners(pose.body)[foot] for foot in FEET]]
+        weights = self._weights(places, feet)[:, :, :2].reshape(frames, -1, ROTATION_SIZE)
+        lever = (places - pose.position[:, PELVIS, None])[..., :2] / pose.body.leg
+        turned = np.stack([-lever[..., 1], lever[..., 0]], axis=-1).reshape(frames, -1, 1)
+        # As rows: what a frame's feet add to its own step, and what they take from the next one.
+        gains = holding.gains
+        both = np.concatenate([gains, np.concatenate([gains[1:], np.zeros_like(gains[:1])])], axis=1)
+        moved: Float32 = (both @ weights).astype(np.float32) @ self._rotations
+        moved += (both @ turned).astype(np.float32) * self._turning
+        whole = gains.reshape(frames, 2, len(FEET), 2).sum(axis=2).astype(np.float32)
+        step = moved[:, :2] + whole @ np.diff(path, axis=0, prepend=np.zeros_like(path[:1]))
+        step[1:] -= moved[:-1, 2:]
+        return holding.summed(step)
+
+    def _weights(self, places: Float, carried: Mask, frames: Indices | slice = slice(None)) -> Float:
+        """How points move with the columns of the block `rotations`, (W, P, 3, 50) [leg].
+
+        Args:
+            places: of the points, (W, P, 3) [m].
+            carried: columns whose joints move them, (P, 50).
+            frames: of the window.
+        """
+        lever = places[..., None] - self._spins.place[frames, None]
+        return _crossed(self._spins.world[frames, None], lever) * (carried[:, None] / self._pose.body.leg)
+
+    def _relative(self, weights: Float, places: Float, frames: Indices | slice = slice(None)) -> Float32:
         """Derivatives of places relative to the pelvis, in the axes of the window, (W, P, 3, L) [leg].
 
         Args:
             weights: of the columns of the block `rotations`, (W, P, 3, 50).
             places: (W, P, 3) [m].
+            frames: of the window.
         """
-        pose, frames = self._pose, len(weights)
-        flat = weights.reshape(frames, -1, ROTATION_SIZE).astype(np.float32)
-        moved: Float32 = (flat @ self._rotations).reshape(*weights.shape[:3], -1)
-        lever = ((places - pose.position[:, PELVIS, None]) / pose.body.leg).astype(np.float32)
-        moved[:, :, 0] -= lever[..., 1, None] * self._turning
-        moved[:, :, 1] += lever[..., 0, None] * self._turning
+        pose, turning = self._pose, self._turning[frames]
+        flat = weights.reshape(len(weights), -1, ROTATION_SIZE).astype(np.float32)
+        moved: Float32 = (flat @ self._rotations[frames]).reshape(*weights.shape[:3], -1)
+        lever = ((places - pose.position[frames, PELVIS, None]) / pose.body.leg).astype(np.float32)
+        moved[:, :, 0] -= lever[..., 1, None] * turning
+        moved[:, :, 1] += lever[..., 0, None] * turning
         return moved
 
 
-@lru_cache(maxsize=8)
-def _beyond(body: Body) -> dict[int, Mask]:
-    """For each segment that a joint moves, it and all that it carries, (B,)."""
-    model = human_model(body).model
-    found = {}
-    for segment in joints_of(body):
-        carried = np.zeros(model.nbody, np.bool_)
-        carried[segment] = True
-        for number in range(segment + 1, model.nbody):
-            carried[number] = carried[model.body_parentid[number]]
-        found[segment] = carried
-    return found
-
-
 def _crossed(spin: Float, lever: Float) -> Float:
-    """Cross products of (W, 3, K) and (W, 3)."""
-    x, y, z = (lever[:, axis, None] for axis in range(3))
-    return np.stack(
-        [spin[:, 1] * z - spin[:, 2] * y, spin[:, 2] * x - spin[:, 0] * z, spin[:, 0] * y - spin[:, 1] * x], axis=1
-    )
+    """Cross products over the last axis but one, (..., 3, K)."""
+    (a, b, c), (x, y, z) = (np.moveaxis(vectors, -2, 0) for vectors in (spin, lever))
+    found = np.empty(np.broadcast_shapes(spin.shape, lever.shape))
+    found[..., 0, :] = b * z - c * y
+    found[..., 1, :] = c * x - a * z
+    found[..., 2, :] = a * y - b * x
+    return found
