@@ -24,7 +24,10 @@ def turned(vector: Float, yaw: Float) -> Float:
     shape = (len(vector), *[1] * (vector.ndim - 2))
     cosine, sine = cosine.reshape(shape), sine.reshape(shape)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+    ahead = cosine * x - sine * y
+    found = np.empty((*ahead.shape, 3), ahead.dtype)
+    found[..., 0], found[..., 1], found[..., 2] = ahead, sine * x + cosine * y, z
+    return found
 
 
 def chord(forward: float, left: float, turning: float, seconds: float) -> tuple[float, float]:

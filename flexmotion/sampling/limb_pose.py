@@ -28,28 +28,36 @@ class LimbPose:
     def moved(self, change: Float) -> LimbPose:
         """The limb after its angles have changed by (W, K) [rad].
 
-        A product of exponentials about the hinges as they are (Brockett 1984): what the last hinge has turned, the one
-        before it turns again.
+        A product of exponentials about the hinges as they are (Brockett 1984), from the trunk outwards: what a hinge
+        carries is turned by it and then by all before it.
         """
-        anchor, axis, points = self.anchor.copy(), self.axis.copy(), self.points.copy()
-        for hinge in reversed(range(change.shape[1])):
-            centre = self.anchor[:, hinge, None]
-            turn = _turns(self.axis[:, hinge], change[:, hinge])
-            beyond = [number for number, count in enumerate(self.carried) if count > hinge]
-            points[:, beyond] = (points[:, beyond] - centre) @ turn + centre
-            anchor[:, hinge + 1 :] = (anchor[:, hinge + 1 :] - centre) @ turn + centre
-            axis[:, hinge + 1 :] = axis[:, hinge + 1 :] @ turn
-        return LimbPose(anchor, axis, points, self.carried)
+        frames, hinges = change.shape
+        turn = _turns(self.axis, change)
+        # Of what the first so many hinges carry: where it is turned, and where the origin comes to be.
+        turned, origin = np.empty((frames, hinges + 1, 3, 3)), np.zeros((frames, hinges + 1, 3))
+        turned[:, 0] = np.eye(3)
+        away = self.anchor - np.einsum("tkij,tkj->tki", turn, self.anchor)
+        for hinge in range(hinges):
+            turned[:, hinge + 1] = turned[:, hinge] @ turn[:, hinge]
+            origin[:, hinge + 1] = origin[:, hinge] + np.einsum("tij,tj->ti", turned[:, hinge], away[:, hinge])
+        by = np.array(self.carried)
+        return LimbPose(
+            np.einsum("tkij,tkj->tki", turned[:, :-1], self.anchor) + origin[:, :-1],
+            np.einsum("tkij,tkj->tki", turned[:, :-1], self.axis),
+            np.einsum("tpij,tpj->tpi", turned[:, by], self.points) + origin[:, by],
+            self.carried,
+        )
 
 
 def _turns(axis: Float, angle: Float) -> Float:
-    """Transposed rotation matrices about unit vectors (W, 3) by (W,) [rad], (W, 3, 3)."""
-    x, y, z = axis.T
+    """Rotation matrices about unit vectors (..., 3) by (...) [rad], (..., 3, 3)."""
+    x, y, z = np.moveaxis(axis, -1, 0)
     sine, cosine = np.sin(angle), np.cos(angle)
     rest = 1.0 - cosine
-    found = np.empty((len(angle), 3, 3))
-    found[:, 0, 0], found[:, 1, 1], found[:, 2, 2] = (cosine + rest * own * own for own in (x, y, z))
+    found = np.empty((*angle.shape, 3, 3))
+    for number, own in enumerate((x, y, z)):
+        found[..., number, number] = cosine + rest * own * own
     for row, column, one, other, third in ((0, 1, x, y, z), (1, 2, y, z, x), (2, 0, z, x, y)):
-        found[:, row, column] = rest * one * other + sine * third
-        found[:, column, row] = rest * one * other - sine * third
+        both, turned = rest * one * other, sine * third
+        found[..., row, column], found[..., column, row] = both - turned, both + turned
     return found

@@ -59,15 +59,20 @@ def planted(motion: Motion, past: Motion) -> Motion:
         motion: with contacts; without them it is returned as it is.
         past: the motion before it, of the same body and frame rate, at least one frame.
     """
-    return planted_slip(motion, past)[0]
+    return planted_slip(motion, foot_points(past[len(past) - 1 :]))[0]
 
 
-def planted_slip(motion: Motion, past: Motion) -> tuple[Motion, Slip | None]:
-    """`planted`, and how its feet slipped before; None where nothing is planted."""
+def planted_slip(motion: Motion, before: Float) -> tuple[Motion, Slip | None]:
+    """`planted`, and how its feet slipped before; None where nothing is planted.
+
+    Args:
+        motion: see `planted`.
+        before: heel and toe of both feet in the frame before it, (1, 2, 2, 3) [m].
+    """
     if motion.contacts is None or not len(motion):
         return motion, None
     human = forward(motion)
-    feet = np.concatenate([foot_points(past[len(past) - 1 :]), _feet(human)])
+    feet = np.concatenate([before, _feet(human)])
     height = feet[1:, ..., 2].min(axis=2)
     slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
 
