@@ -46,8 +46,10 @@ class JointSpins:
         self._local[..., 0, 3:], self._local[..., 1, :3], self._local[..., 2, :3] = z, -z, y
         balls = (turn @ self._local).swapaxes(1, 2).reshape(frames, 3, -1)
         hinges, axes = _hinges(pose.body)
-        self.world = np.concatenate([balls, np.einsum("tsij,sj->tis", pose.rotation[:, hinges], axes)], axis=-1)
-        self.place = pose.position.swapaxes(1, 2)[..., column_segments(pose.body)]
+        turns = np.einsum("tsij,sj->tis", pose.rotation[:, hinges], axes)
+        # Single precision, as the derivatives that they are multiplied by.
+        self.world: Float32 = np.concatenate([balls, turns], axis=-1, dtype=np.float32)
+        self.place: Float32 = pose.position.swapaxes(1, 2).astype(np.float32)[..., column_segments(pose.body)]
 
     @cached_property
     def kept(self) -> Float32:

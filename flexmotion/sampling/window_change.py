@@ -85,7 +85,7 @@ class WindowChange:
         mass = human_model(body).model.body_mass * segments
         centres, moved = pose.centres, carrying(body).T * mass  # (50, B)
         lever = centres.swapaxes(-1, -2) @ moved.T - moved.sum(axis=1) * self._spins.place
-        weights = _crossed(self._spins.world, lever)[:, None] / (body.leg * mass.sum())
+        weights = _crossed(self._spins.world, (lever / (body.leg * mass.sum())).astype(np.float32))[:, None]
         place = np.einsum("b,tbi->ti", mass / mass.sum(), centres)
         return self._relative(weights, place[:, None])[:, 0] + self.path[:, :3]
 
@@ -101,8 +101,7 @@ class WindowChange:
         x = cosine * ahead - sine * aside - step[:, 1:] * yaw_before
         y = sine * ahead + cosine * aside + step[:, :1] * yaw_before
         # The heading of a pelvis that is not decoded exactly without its heading.
-        about = self._spins.world[:, 2:, :PELVIS_SIZE].astype(np.float32)
-        own = (about @ self._rotations[:, :PELVIS_SIZE])[:, 0]
+        own = (self._spins.world[:, 2:, :PELVIS_SIZE] @ self._rotations[:, :PELVIS_SIZE])[:, 0]
         path: Float32 = np.stack([np.cumsum(x, axis=0), np.cumsum(y, axis=0), root[:, 3], yaw + own], axis=1)
         if holding is not None:
             path[:, :2] -= self._held(holding, path[:, :2])
@@ -122,18 +121,18 @@ class WindowChange:
         places, feet = pose.points[:, FEET], carrying(pose.body)[[point_owners(pose.body)[foot] for foot in FEET]]
         weights = self._weights(places, feet)[:, :, :2].reshape(frames, -1, ROTATION_SIZE)
         lever = (places - pose.position[:, PELVIS, None])[..., :2] / pose.body.leg
-        turned = np.stack([-lever[..., 1], lever[..., 0]], axis=-1).reshape(frames, -1, 1)
+        turned = np.stack([-lever[..., 1], lever[..., 0]], axis=-1, dtype=np.float32).reshape(frames, -1, 1)
         # As rows: what a frame's feet add to its own step, and what they take from the next one.
-        gains = holding.gains
+        gains = holding.gains.astype(np.float32)
         both = np.concatenate([gains, np.concatenate([gains[1:], np.zeros_like(gains[:1])])], axis=1)
-        moved: Float32 = (both @ weights).astype(np.float32) @ self._rotations
-        moved += (both @ turned).astype(np.float32) * self._turning
-        whole = gains.reshape(frames, 2, len(FEET), 2).sum(axis=2).astype(np.float32)
+        moved: Float32 = (both @ weights) @ self._rotations
+        moved += (both @ turned) * self._turning
+        whole = gains.reshape(frames, 2, len(FEET), 2).sum(axis=2)
         step = moved[:, :2] + whole @ np.diff(path, axis=0, prepend=np.zeros_like(path[:1]))
         step[1:] -= moved[:-1, 2:]
         return holding.summed(step)
 
-    def _weights(self, places: Float, carried: Mask, frames: Indices | slice = slice(None)) -> Float:
+    def _weights(self, places: Float, carried: Mask, frames: Indices | slice = slice(None)) -> Float32:
         """How points move with the columns of the block `rotations`, (W, P, 3, 50) [leg].
 
         Args:
@@ -141,10 +140,11 @@ class WindowChange:
             carried: columns whose joints move them, (P, 50).
             frames: of the window.
         """
-        lever = places[..., None] - self._spins.place[frames, None]
-        return _crossed(self._spins.world[frames, None], lever) * (carried[:, None] / self._pose.body.leg)
+        lever = places[..., None].astype(np.float32) - self._spins.place[frames, None]
+        lever *= (carried[:, None] / self._pose.body.leg).astype(np.float32)
+        return _crossed(self._spins.world[frames, None], lever)
 
-    def _relative(self, weights: Float, places: Float, frames: Indices | slice = slice(None)) -> Float32:
+    def _relative(self, weights: Float32, places: Float, frames: Indices | slice = slice(None)) -> Float32:
         """Derivatives of places relative to the pelvis, in the axes of the window, (W, P, 3, L) [leg].
 
         Args:
@@ -153,7 +153,7 @@ class WindowChange:
             frames: of the window.
         """
         pose, turning = self._pose, self._turning[frames]
-        flat = weights.reshape(len(weights), -1, ROTATION_SIZE).astype(np.float32)
+        flat = weights.reshape(len(weights), -1, ROTATION_SIZE)
         moved: Float32 = (flat @ self._rotations[frames]).reshape(*weights.shape[:3], -1)
         lever = ((places - pose.position[frames, PELVIS, None]) / pose.body.leg).astype(np.float32)
         moved[:, :, 0] -= lever[..., 1, None] * turning
@@ -161,10 +161,10 @@ class WindowChange:
         return moved
 
 
-def _crossed(spin: Float, lever: Float) -> Float:
+def _crossed(spin: Float32, lever: Float32) -> Float32:
     """Cross products over the last axis but one, (..., 3, K)."""
     (a, b, c), (x, y, z) = (np.moveaxis(vectors, -2, 0) for vectors in (spin, lever))
-    found = np.empty(np.broadcast_shapes(spin.shape, lever.shape))
+    found = np.empty(np.broadcast_shapes(spin.shape, lever.shape), np.float32)
     found[..., 0, :] = b * z - c * y
     found[..., 1, :] = c * x - a * z
     found[..., 2, :] = a * y - b * x
