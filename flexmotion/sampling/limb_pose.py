@@ -32,32 +32,29 @@ class LimbPose:
         carries is turned by it and then by all before it.
         """
         frames, hinges = change.shape
-        turn = _turns(self.axis, change)
-        # Of what the first so many hinges carry: where it is turned, and where the origin comes to be.
-        turned, origin = np.empty((frames, hinges + 1, 3, 3)), np.zeros((frames, hinges + 1, 3))
-        turned[:, 0] = np.eye(3)
-        away = self.anchor - np.einsum("tkij,tkj->tki", turn, self.anchor)
+        own = np.zeros((frames, hinges, 4, 4))
+        own[..., :3, :3] = turn = _turns(self.axis, change)
+        own[..., :3, 3] = self.anchor - np.einsum("tkij,tkj->tki", turn, self.anchor)
+        own[..., 3, 3] = 1.0
+        moved = np.empty((frames, hinges + 1, 4, 4))  # of what the first so many hinges carry
+        moved[:, 0] = np.eye(4)
         for hinge in range(hinges):
-            turned[:, hinge + 1] = turned[:, hinge] @ turn[:, hinge]
-            origin[:, hinge + 1] = origin[:, hinge] + np.einsum("tij,tj->ti", turned[:, hinge], away[:, hinge])
-        by = np.array(self.carried)
-        return LimbPose(
-            np.einsum("tkij,tkj->tki", turned[:, :-1], self.anchor) + origin[:, :-1],
-            np.einsum("tkij,tkj->tki", turned[:, :-1], self.axis),
-            np.einsum("tpij,tpj->tpi", turned[:, by], self.points) + origin[:, by],
-            self.carried,
-        )
+            np.matmul(moved[:, hinge], own[:, hinge], out=moved[:, hinge + 1])
+        places = np.concatenate([self.anchor, self.points], axis=1)
+        by = moved[:, [*range(hinges), *self.carried], :3]
+        found = np.einsum("tkij,tkj->tki", by[..., :3], places) + by[..., 3]
+        axis = np.einsum("tkij,tkj->tki", by[:, :hinges, :, :3], self.axis)
+        return LimbPose(found[:, :hinges], axis, found[:, hinges:], self.carried)
 
 
 def _turns(axis: Float, angle: Float) -> Float:
     """Rotation matrices about unit vectors (..., 3) by (...) [rad], (..., 3, 3)."""
-    x, y, z = np.moveaxis(axis, -1, 0)
     sine, cosine = np.sin(angle), np.cos(angle)
-    rest = 1.0 - cosine
-    found = np.empty((*angle.shape, 3, 3))
-    for number, own in enumerate((x, y, z)):
-        found[..., number, number] = cosine + rest * own * own
-    for row, column, one, other, third in ((0, 1, x, y, z), (1, 2, y, z, x), (2, 0, z, x, y)):
-        both, turned = rest * one * other, sine * third
-        found[..., row, column], found[..., column, row] = both - turned, both + turned
+    found = ((1.0 - cosine)[..., None] * axis)[..., None] * axis[..., None, :]
+    for number in range(3):
+        after, last = (number + 1) % 3, (number + 2) % 3
+        along = sine * axis[..., number]
+        found[..., number, number] += cosine
+        found[..., after, last] -= along
+        found[..., last, after] += along
     return found
