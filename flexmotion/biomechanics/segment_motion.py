@@ -59,11 +59,11 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
     smoothly.
     """
-    still = segments_at_rest(motion)
+    still, inertia = segments_at_rest(motion), human_model(motion.body).model.body_inertia
     return replace(
         still,
         acceleration=second_derivative(still.com, motion.fps),
-        angular_momentum_rate=_angular_momentum_rate(human_model(motion.body).model.body_inertia, still.rotation, motion.fps),
+        angular_momentum_rate=_angular_momentum_rate(inertia, still.rotation, motion.fps),
     )
 
 

@@ -199,6 +199,8 @@ def within_arms(pose: WindowPose, constraints: Constraints, most: float) -> bool
         mask, (shoulder, _, hand) = asked[:, columns], np.moveaxis(pose.points[:, columns], 1, 0)
         if mask[:, 1].any():
             return False  # an elbow moves on a sphere
+        if not mask[:, -1].any():
+            continue
         wanted = np.where(mask[:, -1], places[:, columns[-1]], hand)
         reach = IN_REACH * _reach(ARM, pose.points[:, columns])
         beyond = (_lengths(wanted - hand) > most) | (_lengths(wanted - shoulder) > reach)
