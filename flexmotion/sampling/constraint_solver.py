@@ -163,7 +163,7 @@ class ConstraintSolver:
         if not rows.of_forces or window is None:
             values = pose.values(self._constraints, rows.of_rotations)[frames, columns]
             return _over(weight, jacobian, rows.asked - values)
-        values = motion_values(window, anchor, self._constraints)[frames, columns]
+        values = motion_values(window, anchor, self._constraints, pose)[frames, columns]
         missing = rows.asked - values
         cut = self._constraints.blocks[FORCES]
         own = np.flatnonzero((columns >= cut.start) & (columns < cut.stop))

@@ -148,15 +148,16 @@ class WindowPose:
         return found
 
 
-def motion_values(motion: Motion, anchor: Anchor, layout: ConstraintLayout) -> Float:
+def motion_values(motion: Motion, anchor: Anchor, layout: ConstraintLayout, pose: WindowPose | None = None) -> Float:
     """Values of all columns of a `ConstraintLayout` in a window, (W, C); of forces that it lacks zeros.
 
     Args:
         motion: the window, in the world.
         anchor: the frame before it.
         layout: of the columns.
+        pose: of the motion, where it is known.
     """
-    found = WindowPose.of(motion, anchor).values(layout)
+    found = (WindowPose.of(motion, anchor) if pose is None else pose).values(layout)
     leg, weight = motion.body.leg, motion.body.mass * GRAVITY
     if motion.torques is not None:
         torques = motion.torques[:, -len(JOINTS) :] / (weight * leg)
