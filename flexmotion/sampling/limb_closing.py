@@ -158,12 +158,14 @@ def closed(
     if not moving:
         return motion
     pose, joints = segments_at_rest(motion) if segments is None else segments, motion.joints.copy()
-    centre, axis = anchor.local(pose.anchor), pose.axis @ yaw_matrix(np.array(anchor.yaw))
-    place = anchor.local(body_points(motion.body, pose.position, pose.rotation))
+    turn, place = yaw_matrix(np.array(anchor.yaw)), body_points(motion.body, pose.position, pose.rotation)
     for limb, points, columns in moving:
-        own = LimbPose(centre[:, columns], axis[:, columns], place[:, points], limb.carried)
+        centre, axis = anchor.local(pose.anchor[:, columns]), pose.axis[:, columns] @ turn
+        own = LimbPose(centre, axis, anchor.local(place[:, points]), limb.carried)
         wanted = Wanted.of(limb, own, asked[:, points], places[:, points])
-        joints[:, columns] = _closed(own, joints[:, columns], joint_limits()[columns], wanted)
+        told = np.flatnonzero(wanted.weight.any(axis=(0, 2)))
+        angles, limits = joints[:, columns], joint_limits()[columns]
+        joints[:, columns] = _closed(own.only(told), angles, limits, wanted.only(told))
     return replace(motion, joints=joints)
 
 
@@ -260,10 +262,14 @@ class Wanted:
         places[:, [end, *(limb.points.index(point) for point in limb.rigid if point != limb.end)]] += short[:, None]
         return cls(places, weight)
 
+    def only(self, points: NDArray[np.intp]) -> Wanted:
+        """The same of some of the points."""
+        return Wanted(self.places[:, points], self.weight[:, points])
+
     def missing(self, pose: LimbPose) -> Float:
         """What the points lack of their places, at most `FARTHEST`, (W, P, 3) [m]."""
         missing = self.places - pose.points
-        farther = np.linalg.norm(missing, axis=-1, keepdims=True) / FARTHEST
+        farther = np.sqrt(np.einsum("tpi,tpi->tp", missing, missing))[..., None] / FARTHEST
         found: Float = missing / np.maximum(farther, 1.0)
         return found
 
@@ -296,17 +302,16 @@ def _closed(pose: LimbPose, angles: Float, limits: Float, wanted: Wanted) -> Flo
 def _change(pose: LimbPose, wanted: Wanted) -> Float:
     """Change of the angles of a limb, (W, J) [rad]."""
     (frames, size), over = pose.axis.shape[:2], _functions(len(pose.axis))
-    asked = np.flatnonzero(wanted.weight.any(axis=(0, 2)))
-    weight, points = wanted.weight[:, asked], pose.points[:, asked]
-    moved = cross(pose.axis[:, :, None], points[:, None] - pose.anchor[:, :, None]) * weight[:, None]  # (W, J, P, 3)
-    for row, point in enumerate(asked):
-        moved[:, pose.carried[point] :, row] = 0.0  # a point is not moved by joints beyond it
+    moved = cross(pose.axis[:, :, None], pose.points[:, None] - pose.anchor[:, :, None])  # (W, J, P, 3)
+    moved *= wanted.weight[:, None]
+    for point, count in enumerate(pose.carried):
+        moved[:, count:, point] = 0.0  # a point is not moved by joints beyond it
     # The joints of a frame are summed up before functions of time are: a frame's rows share those.
     rows = moved.reshape(frames, size, -1)
     squares = (rows @ rows.swapaxes(-1, -2)).reshape(frames, -1)
     normal = (squares.T @ _products(frames)).reshape(size, size, over.shape[1], -1).swapaxes(1, 2)
     normal = normal.reshape(size * over.shape[1], -1) + _evenness(frames, size)
-    pulled = (rows @ (weight * wanted.missing(pose)[:, asked]).reshape(frames, -1, 1))[..., 0]
+    pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(frames, -1, 1))[..., 0]
     found = cho_solve(cho_factor(normal, check_finite=False), (pulled.T @ over).ravel(), check_finite=False)
     change: Float = over @ found.reshape(size, -1).T
     return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))

@@ -25,6 +25,10 @@ class LimbPose:
     points: Float
     carried: tuple[int, ...]
 
+    def only(self, points: NDArray[np.intp]) -> LimbPose:
+        """The limb with some of its points alone."""
+        return LimbPose(self.anchor, self.axis, self.points[:, points], tuple(self.carried[point] for point in points))
+
     def moved(self, change: Float) -> LimbPose:
         """The limb after its angles have changed by (W, K) [rad].
 
