@@ -50,7 +50,7 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 4.6 times
+"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.3 to 3.8 times
 one without constraints."""
 
 ARMS_CLOSE = 0.12
