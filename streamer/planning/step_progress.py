@@ -39,7 +39,7 @@ class StepProgress:
         counts: whether each foot's present step is counted.
         acted_from: value at the begin of the attempt, in the amount's unit; of a gesture the number done.
         attempts: number of the present attempt.
-        repetitions: gestures begun and done.
+        repetitions: gestures begun and done; looked_tick: when they were counted last, None: never.
         deviation: greatest angle of a joint from where it began [rad].
         closing: when the amount is reached.
         standstill: of a robot that was told to stand; None: it was not.
@@ -60,6 +60,7 @@ class StepProgress:
     turned: float = 0.0
     attempts: int = 1
     repetitions: Repetitions = field(default_factory=Repetitions)
+    looked_tick: int | None = None
     deviation: float = 0.0
     closing: Closing = field(default_factory=Closing)
     standstill: Standstill | None = None

@@ -38,6 +38,8 @@ _ATTEMPTS = 3
 """Moves towards an amount, the first included."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
+_LOOK_S = 0.04
+"""Gestures are looked at so often [s]: arms' kinematics take up to a millisecond, the fastest gesture half a second."""
 _WALKED_S = 1.0
 """A robot that has lifted a foot within this time walks [s]."""
 _OVER_S = 0.8
@@ -397,13 +399,20 @@ class StepRunner:
         assert at.standstill is not None
         return at.standstill.settled(at.place, int(row.tick) / self.rate_hz)
 
+    def _look(self, at: StepProgress, step: Step, row: TickRow) -> None:
+        """Count the gestures that are seen by now."""
+        tick = int(row.tick)
+        due = at.looked_tick is None or tick - at.looked_tick >= _LOOK_S * self.rate_hz
+        if due and np.isfinite(row.q).all() and np.isfinite(row.tilt).all():
+            at.repetitions.update(float(self._gesture_way(step.kind, row.q, row.tilt, at.joints)))
+            at.looked_tick = tick
+
     def _advance_gesture(self, at: StepProgress, step: Step, row: TickRow) -> None:
         """Ask for the gesture until it has come back by itself or has taken its time; then stand until it is over."""
         assert step.amount is not None
         tick, made = int(row.tick), at.repetitions
         phase_s = (tick - at.act_tick) / self.rate_hz
-        if np.isfinite(row.q).all() and np.isfinite(row.tilt).all():
-            made.update(float(self._gesture_way(step.kind, row.q, row.tilt, at.joints)))
+        self._look(at, step, row)
         # A human that has bowed stands bent by 20°; the robot's own stop straightens it, but holds raised arms up.
         rests = "arm" not in seen_parts(step.kind)
         if self._phase is _Phase.ACT:

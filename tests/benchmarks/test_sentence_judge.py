@@ -50,7 +50,7 @@ def test_a_hand_that_stays_up_has_not_waved(robot: Robot) -> None:
 
 
 def test_a_look_is_judged_by_where_the_head_looks(robot: Robot) -> None:
-    """ "Look to the left" was wrong because of the word it was heard as; where the head looked was not seen."""
+    """A look to the left was wrong because of the word it was heard as; where the head looked was not seen."""
     left = seen(robot, "head_pan", [0, 1, 1, 0], np.radians(40.0))
     assert left.faults("look-left", None) == []
     assert left.faults("look-right", None) != [] and left.faults("look-up", None) != []
