@@ -18,8 +18,10 @@ Float = NDArray[np.float64]
 
 _HAND_SEEN = 0.35
 """Least way of a hand that is seen as a gesture, over the length of its arm: an arm that turns by 20°."""
-_HEAD_SEEN, _TRUNK_SEEN, _LEG_SEEN = np.radians(10.0), np.radians(15.0), 0.35
-"""Likewise of a head that turns (the least nod of gestures.yaml is 13°), a trunk that leans and a leg's joint [rad]."""
+_HEAD_SEEN, _TRUNK_SEEN, _LEG_SEEN = np.radians(10.0), np.radians(25.0), 0.35
+"""Likewise of a head that turns (the least nod of gestures.yaml is 13°), a trunk that leans and a leg's joint [rad].
+
+The model's bow is judged at 30°, OP3 follows to 40; at 15 a lean of 18° before a bow was taken for it."""
 
 
 class GestureWay:
