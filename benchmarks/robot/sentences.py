@@ -19,12 +19,13 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.shared.cells import share
+from benchmarks.shared.gaze import LOOKS
 from benchmarks.shared.options import BundleOption, CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from benchmarks.shared.sentence_judge import Seen, speed_fault
 from benchmarks.shared.sentences import SENTENCES, UNITS, Task, tasks_of
-from flexmotion.configs.robot import load_robot
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.streamer import api
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.heard import Heard
@@ -82,7 +83,7 @@ def run(task: Task) -> Judged:
         heard = _answer(session, target)
         _finish(session, target)
         end, heard = session.record.used, _answer(session, target)
-        return _judge(task, session, heard, begin, end, [session.record.used if e < 0 else e for e in ends])
+        return _judge(task, robot, session, heard, begin, end, [session.record.used if e < 0 else e for e in ends])
 
 
 def _answer(session: Session, target: int) -> Heard:
@@ -101,10 +102,10 @@ def _finish(session: Session, target: int) -> None:
     session.advance(1.0)
 
 
-def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, ends: list[int]) -> Judged:
+def _judge(task: Task, robot: Robot, session: Session, heard: Heard, begin: int, end: int, ends: list[int]) -> Judged:
     record = session.record
     fell = bool((record.true_base[begin:end, 2] < 0.6 * np.nanmedian(record.true_base[begin - 50 : begin, 2])).any())
-    seen = Seen(record, begin, end)
+    seen = Seen(robot, record, begin, end)
     moved = seen.moved
     refused = heard.state == "refused"
     judged = Judged(task.say, heard.state, heard.heard_as or "-", False, refused, moved, not fell)
@@ -123,7 +124,9 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
         return judged  # plainly
     wanted = _own(heard) if task.does is None else task.does
     kinds = [step.heard_as for step in heard.steps] or [heard.heard_as]
-    if [kind for kind, *_ in wanted] != kinds:
+    # A look alone is no motion of the human but a direction of the head, which is judged like one.
+    looks = heard.heard_as == "head" and len(wanted) == 1 and wanted[0][0] in LOOKS
+    if not looks and [kind for kind, *_ in wanted] != kinds:
         judged.faults.append(f"heard as {', '.join(map(str, kinds))}")
         return judged
     if task.speed is not None:
@@ -137,7 +140,7 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
         if bounds[number + 1] - bounds[number] < 2:
             judged.faults.append(f"{kind}: never came to it")
             continue
-        part = Seen(record, bounds[number], bounds[number + 1])
+        part = Seen(robot, record, bounds[number], bounds[number + 1])
         judged.figures.append(f"{kind}: {part.text()}")
         judged.faults += [f"{kind}: {fault}" for fault in part.faults(kind, amount[0] if amount else None)]
     judged.done = not judged.faults
@@ -147,6 +150,8 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
 def _own(heard: Heard) -> tuple[tuple[str, ...], ...]:
     """What an answer says that the robot does."""
     units = {quantity: unit for unit, quantity in UNITS.items()}
+    if heard.heard_as == "head" and not heard.steps:
+        return (("head",),)
     return tuple(
         (str(step.heard_as),)
         if step.amount is None or step.unit is None

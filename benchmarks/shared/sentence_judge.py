@@ -1,8 +1,8 @@
 """`Seen`: what a robot did between two ticks by its true motion, and what is wrong with it for a request.
 
 A turn is right within 15° (long ones 12 %), a way within a quarter and 5 cm, footsteps that carry a foot in the
-direction (one more may close the stance), seconds within half a second, arms that go up and come back as often as was
-said.
+direction (one more may close the stance), seconds within half a second, gestures that leave the stand and come back as
+often as was said (`Repetitions`, the planner's definition, of the true motion), looks by the head's true direction.
 """
 
 from __future__ import annotations
@@ -11,11 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
+from scipy.spatial.transform import Rotation
 
+from benchmarks.shared.gaze import LOOKS, gaze_faults, true_gaze
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.arms import UpperBody
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.planning.gesture_way import GestureWay
+from flexmotion.streamer.planning.repetitions import Repetitions
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import vocabulary
 
@@ -26,8 +30,6 @@ _WAY_SHARE, _WAY_M = 0.25, 0.05
 _TIME_S = 0.5
 _STEP_M = 0.015
 """Way that a foot is carried in a step, in its direction [m]."""
-_UP_RAD, _SWING_S = 0.3, 0.8
-"""A gesture moves a joint away and back by this, in the mean over the second [rad, s]."""
 _STILL_M, _STILL_RAD = 0.06, np.radians(12.0)
 """Greatest way and turn of a robot that stands."""
 _CHANGE = 0.1
@@ -35,10 +37,10 @@ _CHANGE = 0.1
 
 
 class Seen:
-    """The robot's true motion between two ticks."""
+    """The true motion of a robot between two ticks."""
 
-    def __init__(self, record: RunTrace, begin: int, end: int) -> None:
-        self.rate = record.rate_hz
+    def __init__(self, robot: Robot, record: RunTrace, begin: int, end: int) -> None:
+        self.robot, self.rate = robot, record.rate_hz
         rows = record.rows[begin:end]
         base = rows["true_base"]
         yaw = continuous_heading(base[:, 3:])
@@ -48,9 +50,7 @@ class Seen:
         self.aside = float((np.cos(middle) * step[:, 1] - np.sin(middle) * step[:, 0]).sum())
         self.turned, self.walked = float(yaw[-1] - yaw[0]), float(np.hypot(*(base[-1] - base[0])[:2]))
         self.seconds = (end - begin) / self.rate
-        # The swings of a wave are shorter than the mean is long; a hand that comes down is longer down.
-        deviation = np.abs(rows["true_q"] - rows["true_q"][0]).max(axis=1)
-        self.deviation = uniform_filter1d(deviation, round(_SWING_S * self.rate))
+        self._q, self._base = rows["true_q"], base
         self._feet, self._contacts, self._yaw = rows["true_foot"], rows["contact_ref"], yaw
 
     @property
@@ -60,10 +60,8 @@ class Seen:
 
     def text(self) -> str:
         """Its figures in words."""
-        return (
-            f"{self.ahead:.2f} m ahead, {self.aside:.2f} m left, {np.degrees(self.turned):.0f}° left, "
-            f"arms up {self.gestures()} times, {self.seconds:.1f} s"
-        )
+        way = f"{self.ahead:.2f} m ahead, {self.aside:.2f} m left, {np.degrees(self.turned):.0f}° left"
+        return f"{way}, {self.seconds:.1f} s"
 
     def faults(self, kind: str, amount: str | None) -> list[str]:
         """What is wrong with a request's motion, in words."""
@@ -80,8 +78,10 @@ class Seen:
             still = self.walked <= _STILL_M and abs(self.turned) <= _STILL_RAD
             # Robots come to a stand first.
             wrong += [] if still or self.seconds > 3.0 or value is None else ["did not stand"]
+        elif kind in (*LOOKS, "head") and unit != "times":
+            wrong += gaze_faults(true_gaze(self.robot, self._base, self._q), kind, self.rate)
         else:
-            wrong += self._gesture_faults(value if unit == "times" else None)
+            wrong += self._gesture_faults(kind, value if unit == "times" else None)
         if unit == "s" and value is not None and abs(self.seconds - value) > _TIME_S + (2.0 if kind == STAND else 0.0):
             wrong.append(f"{self.seconds:.1f} s of {value:g} s")
         return wrong
@@ -123,16 +123,20 @@ class Seen:
                 count += int(axis[0] * ahead + axis[1] * aside > _STEP_M)
         return count
 
-    def gestures(self) -> int:
-        """How often a joint moved away from where it was, and back."""
-        peaks, _ = find_peaks(np.concatenate([[0.0], self.deviation, [0.0]]), prominence=_UP_RAD)
-        return len(peaks)
+    def gestures(self, kind: str) -> Repetitions:
+        """How often it made a kind of gesture."""
+        made, measure = Repetitions(), GestureWay(self.robot, UpperBody(self.robot))
+        tilt = Rotation.from_quat(self._base[:, 3:], scalar_first=True).as_euler("ZYX")[:, [2, 1]]
+        for way in measure(kind, self._q, tilt, self._q[0]):
+            made.update(float(way))
+        return made
 
-    def _gesture_faults(self, times: float | None) -> list[str]:
-        count = self.gestures()
+    def _gesture_faults(self, kind: str, times: float | None) -> list[str]:
+        made = self.gestures(kind)
         if times is None:
-            return [] if count else ["the arms and the trunk did not move"]
-        return [] if count == times else [f"{count} of {times:g} times"]
+            return [] if made.begun else ["nothing of it was seen"]
+        wrong = [] if made.begun == times else [f"{made.begun} of {times:g} times"]
+        return wrong + (["did not come back"] if made.away else [])
 
 
 def speed_fault(record: RunTrace, begin: int, end: int, change: str) -> list[str]:

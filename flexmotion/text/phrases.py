@@ -69,6 +69,12 @@ def limbs(kind: str) -> frozenset[str] | None:
     return frozenset(row["limbs"]) if "limbs" in row else None
 
 
+def seen_parts(kind: str) -> frozenset[str]:
+    """Parts that are seen to leave the stand, and to come back, in a kind of motion: of arm, head, trunk, leg."""
+    row = _table().get(ALIASES.get(kind, kind), {})
+    return frozenset(row.get("seen", row.get("limbs", ("arm", "head", "trunk", "leg"))))
+
+
 def is_sudden(kind: str) -> bool:
     """Whether a kind of motion startles or hits who stands beside the robot: done on request, and not suggested."""
     return bool(_table().get(kind, {}).get("sudden", False))

@@ -32,6 +32,7 @@ from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.due_plan import DuePlan
 from flexmotion.streamer.planning.ease_notes import EaseNotes
 from flexmotion.streamer.planning.foot_targets import FootTargets
+from flexmotion.streamer.planning.gesture_way import GestureWay
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
@@ -132,6 +133,7 @@ class Replanner:
                 planner.rate,
                 self._ended,
                 RobotSize.of(planner.retargeter.gait, planner.retargeter.swings),
+                GestureWay(planner.retargeter.robot, body.upper),
                 home,
                 source.body.leg / body.leg_length,
             )

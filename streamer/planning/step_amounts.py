@@ -27,7 +27,7 @@ def done_of(at: StepProgress, step: Step, elapsed_s: float) -> float:
         case "steps":
             return float(at.steps(step))
         case "times":
-            return float(at.counted)
+            return float(at.repetitions.done)
     return elapsed_s
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.repetitions import Repetitions
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import STILL_S, Closing, Standstill
 
@@ -19,9 +20,8 @@ _REST_RAD = 0.08
 """Joints that move less than this within `STILL_S` are at rest [rad]."""
 _HOME_RAD = 0.25
 """A gesture is over when all joints are this close to where they began [rad]."""
-MOVED_RAD = 0.35
-"""A gesture moves a joint from where it was by at least this; arms further than this from the stand pose are raised
-[rad]."""
+_RAISED_RAD = 0.35
+"""Arms further than this from the stand pose are raised [rad]."""
 
 
 @dataclass
@@ -37,9 +37,9 @@ class StepProgress:
         footsteps: of the walk in its direction so far, those included whose foot is on its way.
         lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
         counts: whether each foot's present step is counted.
-        acted_from: value at the begin of the attempt, in the amount's unit; of a gesture its greatest deviation [rad].
+        acted_from: value at the begin of the attempt, in the amount's unit; of a gesture the number done.
         attempts: number of the present attempt.
-        counted: gestures done.
+        repetitions: gestures begun and done; looked_tick: when they were counted last, None: never.
         deviation: greatest angle of a joint from where it began [rad].
         closing: when the amount is reached.
         standstill: of a robot that was told to stand; None: it was not.
@@ -59,7 +59,8 @@ class StepProgress:
     aside: float = 0.0
     turned: float = 0.0
     attempts: int = 1
-    counted: int = 0
+    repetitions: Repetitions = field(default_factory=Repetitions)
+    looked_tick: int | None = None
     deviation: float = 0.0
     closing: Closing = field(default_factory=Closing)
     standstill: Standstill | None = None
@@ -120,4 +121,4 @@ class StepProgress:
 
 def is_raised(row: TickRow, home: Float | None) -> bool:
     """Whether an arm is away from the stand pose `home`, (n,) [rad]: NaN where a joint does not count."""
-    return home is not None and bool(np.isfinite(row.q).all() and np.nanmax(np.abs(row.q - home)) > MOVED_RAD)
+    return home is not None and bool(np.isfinite(row.q).all() and np.nanmax(np.abs(row.q - home)) > _RAISED_RAD)

@@ -1,8 +1,8 @@
 """`StepRunner`: measures at the robot how far a step of a program is, and says what the human does next.
 
 The planner's process calls it with the newest row of the loop. What the robot has done comes from that row alone: way
-and turn from the loop's odometry, footsteps from the feet that it lifts, arms from the measured joints, time from its
-ticks.
+and turn from the loop's odometry, footsteps from the feet that it lifts, gestures from the measured joints and tilt,
+time from its ticks.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_clock import SourceClock
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
-from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
+from flexmotion.streamer.planning.step_progress import StepProgress, is_raised
 from flexmotion.streamer.planning.straight_heading import StraightHeading
 from flexmotion.streamer.planning.way_keeper import WayKeeper
+from flexmotion.text.phrases import seen_parts
 
 Float = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ _ATTEMPTS = 3
 """Moves towards an amount, the first included."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
+_LOOK_S = 0.04
+"""Gestures are looked at so often [s]: arms' kinematics take up to a millisecond, the fastest gesture half a second."""
 _WALKED_S = 1.0
 """A robot that has lifted a foot within this time walks [s]."""
 _OVER_S = 0.8
@@ -61,6 +64,7 @@ class StepRunner:
         rate_hz: ticks a second.
         on_heard: called with an answer whose steps have ended.
         size: of the robot.
+        gesture_way: how far a gesture has brought it from its stand (`GestureWay`).
         home: joint angles of the stand pose, (n,) [rad]; NaN where a joint does not count (legs).
         scale: length of the human's legs over the robot's.
 
@@ -78,11 +82,13 @@ class StepRunner:
         rate_hz: float,
         on_heard: Callable[[Heard], None],
         size: RobotSize,
+        gesture_way: Callable[[str, Float, Float, Float], Float],
         home: Float | None = None,
         scale: float = 1.0,
     ) -> None:
         self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
         self.size, self.home, self.scale = size, home, scale
+        self._gesture_way = gesture_way
         self.wanted: Intent | None = None
         self.facing = 0.0
         self.resting = self.over = False
@@ -393,17 +399,38 @@ class StepRunner:
         assert at.standstill is not None
         return at.standstill.settled(at.place, int(row.tick) / self.rate_hz)
 
-    def _advance_gesture(self, at: StepProgress, step: Step, row: TickRow) -> None:
-        assert step.amount is not None
+    def _look(self, at: StepProgress, step: Step, row: TickRow) -> None:
+        """Count the gestures that are seen by now."""
         tick = int(row.tick)
+        due = at.looked_tick is None or tick - at.looked_tick >= _LOOK_S * self.rate_hz
+        if due and np.isfinite(row.q).all() and np.isfinite(row.tilt).all():
+            at.repetitions.update(float(self._gesture_way(step.kind, row.q, row.tilt, at.joints)))
+            at.looked_tick = tick
+
+    def _advance_gesture(self, at: StepProgress, step: Step, row: TickRow) -> None:
+        """Ask for the gesture until it has come back by itself or has taken its time; then stand until it is over."""
+        assert step.amount is not None
+        tick, made = int(row.tick), at.repetitions
         phase_s = (tick - at.act_tick) / self.rate_hz
+        self._look(at, step, row)
+        # A human that has bowed stands bent by 20°; the robot's own stop straightens it, but holds raised arms up.
+        rests = "arm" not in seen_parts(step.kind)
         if self._phase is _Phase.ACT:
-            at.acted_from = max(at.acted_from, at.deviation)
-            if phase_s >= GESTURE_S:
-                at.counted += int(at.acted_from > MOVED_RAD)
+            # A model that is asked on begins the next one.
+            if rests and made.done > at.acted_from:
+                self._settle(at, row)
+            elif made.done > at.acted_from or phase_s >= GESTURE_S:
                 self._phase, self.wanted, at.act_tick = _Phase.SETTLE, STANDING, tick
-        elif phase_s >= _LONGEST_REST_S or (phase_s >= SETTLE_S and at.arms_rest(row, self.rate_hz)):
-            if at.counted >= step.amount.value:
-                self._next(row, "done", at.counted)
-            else:
-                self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
+            return
+        late = phase_s >= _LONGEST_REST_S
+        if self.resting:
+            over = self._is_settled(at, row)
+        elif rests and (late or not made.away):
+            self._settle(at, row)
+            return
+        else:
+            over = late or (phase_s >= SETTLE_S and not made.away and at.arms_rest(row, self.rate_hz))
+        if over and made.done >= step.amount.value:
+            self._next(row, "done", made.done)
+        elif over:
+            self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, made.done

@@ -78,7 +78,13 @@ TURN = step("turn", math.pi / 2, "angle", turn=1, intent=Velocity(0.0, 0.0, 0.5)
 WALK = step("walk", 1.0, "length", axis=(1, 0))
 STEPS = step("walk-back", 2.0, "steps", axis=(-1, 0))
 WAIT = step("stand", 1.0, "time")
-WAVE = step("wave", 2.0, "times")
+WAVE = step("wave-right-hand", 2.0, "times")
+BOW = step("bow", 2.0, "times")
+
+
+def way(kind: str, q: Any, tilt: Any, began: Any) -> Any:
+    """The trunk's lean for a bow, else the farthest joint; 1: .35 rad."""
+    return np.abs(tilt if kind == "bow" else q - began).max() / 0.35
 
 
 class Robot:
@@ -86,9 +92,10 @@ class Robot:
 
     def __init__(self, *programs: tuple[int, Program]) -> None:
         self.heard: list[Heard] = []
-        self.runner = StepRunner(FakeSource(*programs), RATE, self.heard.append, SIZE)  # type: ignore[arg-type]
+        self.runner = StepRunner(FakeSource(*programs), RATE, self.heard.append, SIZE, way)  # type: ignore[arg-type]
         self.row = TickRow(blank(TickRow.dtype(joints=JOINTS)))
         self.row.state[...], self.row.odometry[...], self.row.q[...] = State.STREAMING, 0.0, 0.0
+        self.row.tilt[...] = 0.0
         self.row.foot_ref[...], self.row.contact_ref[...] = 0.0, True
         self.asked: list[Any] = []
         self.doing: Any = None
@@ -163,6 +170,7 @@ def test_footsteps_count_where_they_carry_a_foot_in_the_walks_direction() -> Non
 
 def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> None:
     robot = Robot((0, program(WAVE)))
+    robot.run(0.1)
     for seen in (True, False, True):
         while not robot.heard and robot.doing != STANDING:
             robot.row.q[2] = 1.0 if seen else 0.0
@@ -172,6 +180,45 @@ def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> 
             robot.run(0.1)
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
     assert robot.asked == [STANDING, WAVE.intent, STANDING, WAVE.intent, STANDING]
+
+
+def test_a_bow_that_came_up_is_not_asked_on() -> None:
+    """A bow took 3.5 s by the clock: the model bowed once more in that time, and "bow twice" showed three bows."""
+    robot = Robot((0, program(BOW)))
+    for pause in (0.5, 1.0):
+        robot.run(0.2)
+        robot.row.tilt[1] = 0.7
+        robot.run(pause)
+        assert robot.doing != STANDING and not robot.runner.resting
+        robot.row.tilt[1] = 0.1
+        robot.run(0.1)
+        assert robot.runner.resting, "its own stop straightens it"
+        robot.row.tilt[1] = 0.0
+        while robot.runner.resting and not robot.heard:
+            robot.run(0.1)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
+    assert robot.asked == [BOW.intent]
+
+
+def test_a_hand_that_dips_while_it_waves_goes_on_waving() -> None:
+    robot = Robot((0, program(WAVE)))
+    for angle in (0.0, 2.5, 1.3, 2.5, 1.3, 2.5):
+        robot.row.q[2] = angle
+        robot.run(0.4)
+    assert not robot.asked
+    robot.row.q[2] = 0.0
+    robot.run(0.1)
+    assert robot.asked == [STANDING], "it came down by itself"
+
+
+def test_a_gesture_that_does_not_come_back_is_not_done() -> None:
+    """A raised hand counted as a wave after 3 s of standing, down or not."""
+    robot = Robot((0, program(step("wave-right-hand", 1.0, "times", limit_s=12.0))))
+    robot.row.q[2] = 0.0
+    robot.run(0.1)
+    robot.row.q[2] = 2.5
+    robot.run(12.5)
+    assert robot.ends == ["time limit"] and robot.heard[-1].steps[0].measured == 0.0
 
 
 def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
