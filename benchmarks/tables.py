@@ -135,14 +135,18 @@ def of_groups(name: str, key: str, columns: Mapping[str, str], results: Results)
     result = results(name)
     if result is None:
         return f"`{name}`: no result is kept."
-    groups = {one: own for one, own in result.figures.items() if isinstance(own, dict) and key in own}
-    rows = [[_cell(form, {"group": one, **own}) for form in columns.values()] for one, own in groups.items()]
+    figures = result.figures.items()
+    groups = [{"group": one, **own} for one, own in figures if isinstance(own, dict) and key in own]
+    rows = list(zip(*(_column(form, groups) for form in columns.values()), strict=True))
     return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {result.machine.processor}."
 
 
-def _cell(form: str, figures: Mapping[str, object]) -> str:
-    names = {name for _, name, _, _ in Formatter().parse(form) if name}
-    return form.format_map(figures) if names <= figures.keys() else ""
+def _column(form: str, groups: Sequence[Mapping[str, object]]) -> list[str]:
+    """Cells of a column; raises `KeyError` where no group has its figure."""
+    names = {name.partition("[")[0] for _, name, _, _ in Formatter().parse(form) if name}
+    if groups and not any(names <= group.keys() for group in groups):
+        raise KeyError(form)
+    return [form.format_map(group) if names <= group.keys() else "" for group in groups]
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

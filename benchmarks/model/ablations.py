@@ -194,7 +194,7 @@ def main(
 ) -> Outcome:
     """Train with one thing changed at a time, and measure the reconstructions."""
     use_threads(threads)
-    source, console = training_folder(training, out / "training", data, ["evaluator"]), Console(width=200)
+    source, console = training_folder(training, out / "training", data, ["evaluator"], muscles=True), Console(width=200)
     if not source.layout.muscles:
         raise ConfigError(f"{training}: has no muscles, so their losses cannot be measured")
     reduction = Reduction(width, layers, steps)

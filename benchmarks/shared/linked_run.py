@@ -12,8 +12,8 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.run import Run
 
-FITTED = ("muscle_torques.npz", "summary.npz")
-"""Files of a training folder that were made from its data."""
+COPIED = ("muscle_torques.npz", "origin.json", "summary.npz")
+"""Files of a training folder that belong to its data: with the origin features are normalised as the release's are."""
 
 
 def linked_run(source: Run, folder: Path, config: ModelConfig, seed: int, parts: Sequence[str]) -> Run:
@@ -40,7 +40,7 @@ def linked_run(source: Run, folder: Path, config: ModelConfig, seed: int, parts:
             )
         if not link.exists():
             link.symlink_to(there, target_is_directory=True)
-    for name in FITTED:
+    for name in COPIED:
         if (source.folder / name).is_file():
             copyfile(source.folder / name, folder / name)
     return Run(folder, str(wanted), seed)

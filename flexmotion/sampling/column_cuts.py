@@ -14,7 +14,7 @@ KEPT = 8
 
 
 class ColumnCuts:
-    """Cuts of derivatives that are too large for a processor's cache, made once for each set of columns.
+    """Cuts of derivatives that are too large for a processor's cache; the `KEPT` newest are not made again.
 
     Args:
         whole: derivatives of the features of the block `rotations`, (W, 50, L).

@@ -50,8 +50,8 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.3 to 3.8 times
-one without constraints."""
+"""Steps of a sampler that is not told otherwise: what a sample with constraints takes is in
+`benchmarks/model/control.py`."""
 
 ARMS_CLOSE = 0.12
 """Distance over which arms bring hands in reach to their places without a correction of the latent [m]. Behind a
@@ -198,7 +198,7 @@ class ConstraintSolver:
         for name in (*LINEAR, *((TORQUES, TORQUE_LIMITS, FORCES) if balanced else ())):
             known[layout.blocks[name]] = True
         frames, columns = np.nonzero(constraints.mask & known)
-        rotations, asked = layout.blocks[ROTATIONS], layout.blocks[TORQUES]
+        rotations, asked, limits = (layout.blocks[name] for name in (ROTATIONS, TORQUES, TORQUE_LIMITS))
         forces = slice(asked.start, layout.blocks[FORCES].stop)
         return _Rows(
             frames=frames,
@@ -206,7 +206,7 @@ class ConstraintSolver:
             asked=constraints.values[frames, columns],
             of_rotations=bool(((columns >= rotations.start) & (columns < rotations.stop)).any()),
             of_forces=bool(((columns >= forces.start) & (columns < forces.stop)).any()),
-            of_torques=int(((columns >= asked.start) & (columns < asked.stop)).sum()),
+            of_torques=(columns >= asked.start) & (columns < limits.stop),
         )
 
 
@@ -217,7 +217,7 @@ class _Rows:
     Attributes:
         frames, columns, asked: of each, with its value, (R,).
         of_rotations, of_forces: whether any is of rotations; of torques, their limits or ground forces.
-        of_torques: how many are of torques.
+        of_torques: which are of torques or their limits, (R,).
     """
 
     frames: NDArray[np.intp]
@@ -225,7 +225,7 @@ class _Rows:
     asked: Float
     of_rotations: bool
     of_forces: bool
-    of_torques: int
+    of_torques: NDArray[np.bool_]
 
 
 def _over(weight: Float, jacobian: Float32, missing: Float) -> tuple[Float32, Float32]:
@@ -246,18 +246,24 @@ def _of_legs(layout: ConstraintLayout) -> NDArray[np.bool_]:
     return found
 
 
-def solved(jacobian: Float32, residual: Float32, of_torques: int = 0) -> Float32:
+def solved(jacobian: Float32, residual: Float32, of_torques: NDArray[np.bool_] | None = None) -> Float32:
     """Change of the latent.
+
+    Derivatives of torques are rough: more of them than the latent has numbers count together as so many.
 
     Args:
         jacobian, residual: of what is asked, over its tolerances, (R, L) and (R,).
-        of_torques: how many of the R values are torques.
+        of_torques: which of the R values are torques, or limits of torques; None: none.
 
     Returns:
         (L,), in standard deviations of the latent.
     """
     rows, size = jacobian.shape
-    damping = (DAMPING + FAR * float(np.mean(residual**2))) * max(1.0, of_torques / size)
+    damping = DAMPING + FAR * float(np.mean(residual**2))
+    if of_torques is not None and np.count_nonzero(of_torques) > size:
+        acting = of_torques & jacobian.any(axis=1)  # limits that are kept have no derivatives
+        share = np.where(acting, np.float32(np.sqrt(size / max(np.count_nonzero(acting), size))), np.float32(1.0))
+        jacobian, residual = jacobian * share[:, None], residual * share
     if rows <= size:
         normal = jacobian @ jacobian.T
         normal[np.diag_indices(rows)] += damping

@@ -83,7 +83,8 @@ def delivered(
             the seam is exact. Frames without forces keep none.
         planned: second derivative of the root's path in the model's own window, (T, 3) [m/s²]; the first and the last
             row are not used.
-        finish: changes joints of the balanced window a last time before its forces are made, given its segments.
+        finish: changes joints of the balanced window a last time before its forces are made, given its segments; its
+            root must stay, on which the segments that it does not carry are kept.
         stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
     """
     last = past[max(0, len(past) - KNOWN) :]

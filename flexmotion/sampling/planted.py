@@ -67,7 +67,7 @@ def planted_slip(motion: Motion, before: Float) -> tuple[Motion, Slip | None]:
 
     Args:
         motion: see `planted`.
-        before: heel and toe of both feet in the frame before it, (1, 2, 2, 3) [m].
+        before: heel and toe of both feet in the frame before it, in the world, (1, 2, 2, 3) [m].
     """
     if motion.contacts is None or not len(motion):
         return motion, None

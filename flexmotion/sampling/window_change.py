@@ -139,12 +139,12 @@ class WindowChange:
         """How points move with the K columns of the block `rotations` that move any, and derivatives of the columns.
 
         Args:
-            places: of the points, (W, P, 3) [m].
+            places: of the points, (F, P, 3) [m].
             owners: segments that they are fixed to, (P,).
-            frames: of the window.
+            frames: F of the window.
 
         Returns:
-            (W, P, 3, K) [leg] and (W, K, L).
+            (F, P, 3, K) [leg] and (F, K, L).
         """
         body = self._pose.body
         carried = carrying(body)[owners]
@@ -156,12 +156,12 @@ class WindowChange:
     def _relative(
         self, places: Float, weights: Float32, rotations: Float32, frames: Indices | slice = slice(None)
     ) -> Float32:
-        """Derivatives of places relative to the pelvis, in the axes of the window, (W, P, 3, L) [leg].
+        """Derivatives of places relative to the pelvis, in the axes of the window, (F, P, 3, L) [leg].
 
         Args:
-            places: (W, P, 3) [m].
-            weights, rotations: of columns that move them, (W, P, 3, K) [leg] and (W, K, L).
-            frames: of the window.
+            places: (F, P, 3) [m].
+            weights, rotations: of columns that move them, (F, P, 3, K) [leg] and (F, K, L).
+            frames: F of the window.
         """
         pose, turning = self._pose, self._turning[frames]
         flat = weights.reshape(len(weights), -1, rotations.shape[1])

@@ -20,11 +20,11 @@ from flexmotion.streamer.gateway.connection import (
     awaited,
     patience_of,
 )
+from flexmotion.streamer.gateway.message_methods import MessageMethods
 from flexmotion.streamer.gateway.messages import Answer, Ended
-from flexmotion.streamer.gateway.target_methods import TargetMethods
 
 
-class AsyncClient(Messages, TargetMethods[Coroutine[Any, Any, Answer]]):
+class AsyncClient(Messages, MessageMethods[Coroutine[Any, Any, Answer]]):
     """`Client` for asyncio; any number of messages may wait for their answers at a time.
 
     Raises:

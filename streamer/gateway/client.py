@@ -30,11 +30,11 @@ from flexmotion.streamer.gateway.connection import (
     awaited,
     patience_of,
 )
+from flexmotion.streamer.gateway.message_methods import MessageMethods
 from flexmotion.streamer.gateway.messages import Answer, Ended
-from flexmotion.streamer.gateway.target_methods import TargetMethods
 
 
-class Client(Messages, TargetMethods[Answer]):
+class Client(Messages, MessageMethods[Answer]):
     """A connection to a run, for a program that waits for each answer; see `AsyncClient` for one that does not.
 
     Raises:
@@ -73,7 +73,7 @@ class Client(Messages, TargetMethods[Answer]):
         return self.fetch("GET", self.port, "/status")
 
     def ask(self, message: Mapping[str, Any]) -> Answer:
-        """See `TargetMethods.ask`."""
+        """See `MessageMethods.ask`."""
         identity, text = self.message(message)
         self._connect()
         try:

@@ -70,6 +70,8 @@ def test_a_group_is_named_and_a_figure_that_it_lacks_leaves_its_cell_empty() -> 
     columns = {"way": "{group}", "distance": "{fid:.2f}", "time": "{times:.1f}"}
     text = of_groups("model/baselines", "fid", columns, lambda _name: kept)
     assert "| real | 0.10 |  |\n| frames, 50 | 0.25 | 30.0 |" in text
+    with pytest.raises(KeyError, match="jerk"):  # of a figure that was renamed
+        of_groups("model/baselines", "fid", {"jerk": "{jerk:.1f}"}, lambda _name: kept)
 
 
 def test_without_a_result_the_table_says_so() -> None:

@@ -9,15 +9,16 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from benchmarks.shared.linked_run import linked_run  # noqa: E402
-from benchmarks.shared.training_folder import training_folder  # noqa: E402
-from flexmotion.configs.errors import ConfigError  # noqa: E402
-from flexmotion.configs.model import load_model_config  # noqa: E402
+from benchmarks.shared.linked_run import COPIED, linked_run
+from benchmarks.shared.training_folder import training_folder
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import load_model_config
 
 
 def source(folder: Path) -> SimpleNamespace:
     (folder / "features").mkdir(parents=True)
-    (folder / "summary.npz").write_bytes(b"made from the data")
+    for name in COPIED:
+        (folder / name).write_bytes(b"{}")
     return SimpleNamespace(folder=folder)
 
 
@@ -25,7 +26,8 @@ def test_a_run_beside_another_shares_its_data(tmp_path: Path) -> None:
     config, other = load_model_config("stream"), source(tmp_path / "training")
     run = linked_run(other, tmp_path / "beside", config, 3, ["features"])  # type: ignore[arg-type]
     assert (run.folder / "features").resolve() == other.folder / "features" and run.seed == 3
-    assert (run.folder / "summary.npz").read_bytes() == b"made from the data"
+    # Without its origin such a run normalised features by their own statistics, and not by those of the weights.
+    assert all((run.folder / name).read_bytes() == b"{}" for name in COPIED)
     assert linked_run(other, tmp_path / "beside", config, 3, ["features"]).config == run.config  # type: ignore[arg-type]
 
 

@@ -10,7 +10,6 @@ from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.start_check import gets_up_from
 from flexmotion.streamer.control.tick_row import TickRow, blank
-from flexmotion.streamer.gateway.connection import PATIENCE_S, patience_of
 from flexmotion.streamer.run.requests import Request
 
 from .conftest import Office
@@ -91,10 +90,6 @@ def test_one_that_is_refused_because_another_is_under_way_leaves_that_open(make_
     run.step()
     office.desk.pump()
     assert (office.told[-1].id, office.told[-1].state) == ("g", "accepted")
-
-
-def test_clients_wait_for_it() -> None:
-    assert patience_of({"type": "clear", "get_up": True}) > 40.0 and patience_of({"type": "clear"}) == PATIENCE_S
 
 
 def test_the_status_offers_it_to_a_robot_that_lies_without_torque_alone(op3: Robot) -> None:

@@ -1,4 +1,4 @@
-"""`TargetMethods`: a method for every message of a client, for both clients."""
+"""`MessageMethods`: a method for every message of a client, for both clients."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Told = TypeVar("Told", covariant=True)
 """What a method returns: the answer, or what is awaited for it."""
 
 
-class TargetMethods(Generic[Told]):
+class MessageMethods(Generic[Told]):
     """A method for every message; each sends it by `ask`. Fields that are None are left out."""
 
     def ask(self, message: Mapping[str, Any]) -> Told:
