@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.human.body import Body
-from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.human_model import human_model
 from flexmotion.human.kinematics import frame_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
+
+
+_POSES = ("position", "rotation", "com", "anchor", "axis")
+"""Fields of `SegmentMotion` that a pose has without its motion."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +59,11 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
     smoothly.
     """
-    still = segments_at_rest(motion)
+    still, inertia = segments_at_rest(motion), human_model(motion.body).model.body_inertia
     return replace(
         still,
         acceleration=second_derivative(still.com, motion.fps),
-        angular_momentum_rate=_angular_momentum_rate(human_model(motion.body), still.rotation, motion.fps),
+        angular_momentum_rate=_angular_momentum_rate(inertia, still.rotation, motion.fps),
     )
 
 
@@ -79,8 +83,26 @@ def segments_at_rest(motion: Motion) -> SegmentMotion:
     )
 
 
-def _angular_momentum_rate(human: HumanModel, rotation: Float, fps: float) -> Float:
-    """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3)."""
+def moved_by(joints: NDArray[np.bool_], segments: SegmentMotion, motion: Motion) -> SegmentMotion:
+    """The segments after some joints of the last frames have changed; only what these carry is differentiated again.
+
+    Args:
+        joints: that have changed, (26,).
+        segments: as they were, (T, ...), with their derivatives.
+        motion: the last of those frames as they became; its root is where it was.
+    """
+    still, first, fps = segments_at_rest(motion), len(segments) - len(motion), motion.fps
+    now = {name: np.concatenate([getattr(segments, name)[:first], getattr(still, name)]) for name in _POSES}
+    moved = np.flatnonzero(carried(motion.body)[joints].any(axis=0))
+    acceleration, rate = segments.acceleration.copy(), segments.angular_momentum_rate.copy()
+    acceleration[:, moved] = second_derivative(now["com"][:, moved], fps)
+    inertia = human_model(motion.body).model.body_inertia[moved]
+    rate[:, moved] = _angular_momentum_rate(inertia, now["rotation"][:, moved], fps)
+    return replace(segments, **now, acceleration=acceleration, angular_momentum_rate=rate)
+
+
+def _angular_momentum_rate(inertia: Float, rotation: Float, fps: float) -> Float:
+    """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3); `inertia`: their diagonals, (B, 3)."""
     spin = derivative(rotation, fps) @ rotation.swapaxes(-1, -2)
     # The antisymmetric part: finite differences are not exactly skew-symmetric.
     omega = np.stack(
@@ -91,7 +113,7 @@ def _angular_momentum_rate(human: HumanModel, rotation: Float, fps: float) -> Fl
         ],
         axis=-1,
     ) / 2  # fmt: skip
-    local = np.einsum("tbji,tbj->tbi", rotation, omega) * human.model.body_inertia
+    local = np.einsum("tbji,tbj->tbi", rotation, omega) * inertia
     return derivative(np.einsum("tbij,tbj->tbi", rotation, local), fps)
 
 

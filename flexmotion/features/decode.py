@@ -23,7 +23,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS, SIDES
 from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
-from flexmotion.spatial.heading import continuous_matrix_heading
+from flexmotion.spatial.heading import heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
@@ -50,8 +50,7 @@ class Anchor:
     def after(cls, motion: Motion) -> Anchor:
         """The last frame of a motion."""
         last = motion[len(motion) - 1 :]
-        rotation = Rotation.from_quat(last.root_quaternion, scalar_first=True).as_matrix()
-        return cls(last.root_position[0, :2], float(continuous_matrix_heading(rotation)[0]), last.joints[0])
+        return cls(last.root_position[0, :2], float(heading(last.root_quaternion)[0]), last.joints[0])
 
     def local(self, places: Float) -> Float:
         """Places of the world, (..., 3) [m], in the frame of the window that follows."""

@@ -10,10 +10,12 @@ Float = NDArray[np.float64]
 
 def yaw_matrix(yaw: Float) -> Float:
     """Rotations about z, (...,) [rad] -> (..., 3, 3)."""
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    zero, one = np.zeros_like(cosine), np.ones_like(cosine)
-    rows = [[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    found = np.zeros((*np.shape(yaw), 3, 3))
+    found[..., 0, 0] = found[..., 1, 1] = np.cos(yaw)
+    found[..., 1, 0] = sine = np.sin(yaw)
+    found[..., 0, 1] = -sine
+    found[..., 2, 2] = 1.0
+    return found
 
 
 def turned(vector: Float, yaw: Float) -> Float:
@@ -22,7 +24,10 @@ def turned(vector: Float, yaw: Float) -> Float:
     shape = (len(vector), *[1] * (vector.ndim - 2))
     cosine, sine = cosine.reshape(shape), sine.reshape(shape)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+    ahead = cosine * x - sine * y
+    found = np.empty((*ahead.shape, 3), ahead.dtype)
+    found[..., 0], found[..., 1], found[..., 2] = ahead, sine * x + cosine * y, z
+    return found
 
 
 def chord(forward: float, left: float, turning: float, seconds: float) -> tuple[float, float]:

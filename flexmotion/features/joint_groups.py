@@ -56,10 +56,17 @@ def six(matrix: Float) -> Float:
 def matrix(columns: Float) -> Float:
     """Rotation matrices from two columns by Gram-Schmidt orthonormalisation, (..., 6) -> (..., 3, 3)."""
     first, second = columns[..., :3], columns[..., 3:]
-    x = first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-8)
-    y = second - np.sum(x * second, axis=-1, keepdims=True) * x
-    y = y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-8)
-    return np.stack([x, y, cross(x, y)], axis=-1)
+    found = np.empty((*first.shape, 3))
+    found[..., 0] = x = first / np.maximum(_length(first), 1e-8)
+    y = second - np.einsum("...i,...i->...", x, second)[..., None] * x
+    found[..., 1] = y = y / np.maximum(_length(y), 1e-8)
+    found[..., 2] = cross(x, y)
+    return found
+
+
+def _length(vectors: Float) -> Float:
+    found: Float = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    return found
 
 
 def ball_matrices(joints: Float) -> Float:

@@ -19,7 +19,10 @@ def cross(first: Float, second: Float) -> Float:
     """Cross products of vectors, (..., 3); for a clip's worth of them three times as fast as `np.cross`."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]
     x, y, z = second[..., 0], second[..., 1], second[..., 2]
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    one = b * z - c * y
+    found = np.empty((*one.shape, 3), one.dtype)
+    found[..., 0], found[..., 1], found[..., 2] = one, c * x - a * z, a * y - b * x
+    return found
 
 
 def frame(left: Float, up: Float) -> Float:

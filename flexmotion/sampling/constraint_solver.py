@@ -50,7 +50,7 @@ MARGIN, HELD = 0.7, 0.5
 """Share of a torque limit to which greater torques are brought, and from which on they are held; others are free."""
 
 CORRECTIONS = 1
-"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.5 to 4.6 times
+"""Steps of a sampler that is not told otherwise: samples with a hand take 1.4 to 1.6 times, others 1.3 to 3.8 times
 one without constraints."""
 
 ARMS_CLOSE = 0.12
@@ -60,7 +60,8 @@ branch a hand is 1.2 cm off with it and with .05 m, in 1.6 and 1.7 times a sampl
 DAMPING, FAR = 1.0, 0.1
 """Damping of a step near the solution, and what the mean square of the residuals adds to it (Fan and Yuan, Computing
 74, 2005): far from it, undamped steps go beyond where the derivatives hold. Over ten held-out clips three steps left a
-hand 1.5 cm off with it, 3.4 without, and sixteen points at four keyframes 1.4 cm, 7.9 without."""
+hand 1.5 cm off with it, 3.4 without, and sixteen points at four keyframes 1.4 cm, 7.9 without. Derivatives of torques
+are rough: more torques than the latent has numbers are damped by as many times more, lest they outweigh it."""
 
 
 def check(constraints: Constraints, bundle: Bundle, balanced: bool) -> None:
@@ -147,7 +148,7 @@ class ConstraintSolver:
                 if not step and not len(left) and within_arms(pose, constraints, ARMS_CLOSE):
                     break
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
-            change = (change + _step(jacobian, residual)).astype(np.float32)
+            change = (change + solved(jacobian, residual, rows.of_torques)).astype(np.float32)
             features = begun + self._tangent.features(change - decoded, self._layout)
         if (self._moves_legs(rows.columns) or rows.of_forces) and change is not decoded:
             features[:, self._forces] = draft.joined(decode(latent + change))[:, self._forces]
@@ -163,7 +164,7 @@ class ConstraintSolver:
         if not rows.of_forces or window is None:
             values = pose.values(self._constraints, rows.of_rotations)[frames, columns]
             return _over(weight, jacobian, rows.asked - values)
-        values = motion_values(window, anchor, self._constraints)[frames, columns]
+        values = motion_values(window, anchor, self._constraints, pose)[frames, columns]
         missing = rows.asked - values
         cut = self._constraints.blocks[FORCES]
         own = np.flatnonzero((columns >= cut.start) & (columns < cut.stop))
@@ -197,25 +198,34 @@ class ConstraintSolver:
         for name in (*LINEAR, *((TORQUES, TORQUE_LIMITS, FORCES) if balanced else ())):
             known[layout.blocks[name]] = True
         frames, columns = np.nonzero(constraints.mask & known)
-        rotations, torques = layout.blocks[ROTATIONS], slice(layout.blocks[TORQUES].start, layout.blocks[FORCES].stop)
+        rotations, asked = layout.blocks[ROTATIONS], layout.blocks[TORQUES]
+        forces = slice(asked.start, layout.blocks[FORCES].stop)
         return _Rows(
             frames=frames,
             columns=columns,
             asked=constraints.values[frames, columns],
             of_rotations=bool(((columns >= rotations.start) & (columns < rotations.stop)).any()),
-            of_forces=bool(((columns >= torques.start) & (columns < torques.stop)).any()),
+            of_forces=bool(((columns >= forces.start) & (columns < forces.stop)).any()),
+            of_torques=int(((columns >= asked.start) & (columns < asked.stop)).sum()),
         )
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Asked values: frames, columns and values, (R,) each, and whether any is of rotations, or of torques or forces."""
+    """Asked values.
+
+    Attributes:
+        frames, columns, asked: of each, with its value, (R,).
+        of_rotations, of_forces: whether any is of rotations; of torques, their limits or ground forces.
+        of_torques: how many are of torques.
+    """
 
     frames: NDArray[np.intp]
     columns: NDArray[np.intp]
     asked: Float
     of_rotations: bool
     of_forces: bool
+    of_torques: int
 
 
 def _over(weight: Float, jacobian: Float32, missing: Float) -> tuple[Float32, Float32]:
@@ -236,10 +246,18 @@ def _of_legs(layout: ConstraintLayout) -> NDArray[np.bool_]:
     return found
 
 
-def _step(jacobian: Float32, residual: Float32) -> Float32:
-    """Change of the latent, (L,), for R rows over their tolerances."""
+def solved(jacobian: Float32, residual: Float32, of_torques: int = 0) -> Float32:
+    """Change of the latent.
+
+    Args:
+        jacobian, residual: of what is asked, over its tolerances, (R, L) and (R,).
+        of_torques: how many of the R values are torques.
+
+    Returns:
+        (L,), in standard deviations of the latent.
+    """
     rows, size = jacobian.shape
-    damping = DAMPING + FAR * float(np.mean(residual**2))
+    damping = (DAMPING + FAR * float(np.mean(residual**2))) * max(1.0, of_torques / size)
     if rows <= size:
         normal = jacobian @ jacobian.T
         normal[np.diag_indices(rows)] += damping

@@ -28,7 +28,7 @@ from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import CONTACT_SHARE
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.joint_contact import BEYOND
-from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
+from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import REACH
 from flexmotion.human.body import Body
@@ -71,7 +71,7 @@ def delivered(
     window: Motion,
     past: Motion,
     planned: Float,
-    finish: Callable[[Motion], Motion] = lambda window: window,
+    finish: Callable[[Motion, SegmentMotion], Motion] = lambda window, _: window,
     stays: Flags | None = None,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
@@ -83,7 +83,7 @@ def delivered(
             the seam is exact. Frames without forces keep none.
         planned: second derivative of the root's path in the model's own window, (T, 3) [m/s²]; the first and the last
             row are not used.
-        finish: changes the balanced window a last time before its forces are made; its root must stay.
+        finish: changes joints of the balanced window a last time before its forces are made, given its segments.
         stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
     """
     last = past[max(0, len(past) - KNOWN) :]
@@ -105,10 +105,10 @@ def delivered(
         root_position=window.root_position + at,
         pressure_centres=centres + (at * [1.0, 1.0, 0.0])[:, None],
     )
-    finished = finish(window)
+    finished = finish(window, _frames(segments, slice(KNOWN, None)))
     if finished is not window:
+        segments = moved_by(np.asarray((finished.joints != window.joints).any(axis=0)), segments, finished)
         window = finished
-        segments = segment_motion(concatenate([known.kinematics, window.kinematics]))
         soles = Soles.of(whole.body, segments)
         needs = _needs(segments, window.body, whole, planned)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import CONTACT_SHARE
+from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.features.constraint_layout import CENTRES, FORCES
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode, root_path
@@ -17,6 +18,7 @@ from flexmotion.features.heading_frame import turned
 from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.body import Body
+from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
@@ -66,7 +68,7 @@ class Draft:
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        motion, slip = planted_slip(decoded, self.history)
+        motion, slip = planted_slip(decoded, self._feet_before)
         return motion if self.rest is None else at_rest(motion, self.rest), slip
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
@@ -75,7 +77,7 @@ class Draft:
         It takes half of the time; legs are neither stretched nor bent.
         """
         pose = WindowPose.of_features(features, self.layout, self.body)
-        feet = np.concatenate([self._feet_before, pose.feet])
+        feet = np.concatenate([self.anchor.local(self._feet_before), pose.feet])
         contacts = features[:, self.layout.blocks["contacts"]] > 0.5
         holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
@@ -83,8 +85,8 @@ class Draft:
 
     @cached_property
     def _feet_before(self) -> Float:
-        """Heel and toe of both feet in the last known frame, in the frame of the window, (1, 2, 2, 3) [m]."""
-        return WindowPose.of(self.history[len(self.history) - 1 :], self.anchor).feet
+        """Heel and toe of both feet in the last known frame, in the world, (1, 2, 2, 3) [m]."""
+        return foot_points(self.history[len(self.history) - 1 :])
 
     def delivered(
         self, motion: Motion, found: Float32, constraints: Constraints | None = None, *, closes: bool = True
@@ -99,8 +101,10 @@ class Draft:
             closes: whether its limbs do that; else the window is balanced as if they did, and shows what is missing.
         """
 
-        def finish(window: Motion) -> Motion:
-            return window if constraints is None or not closes else closed(window, self.anchor, constraints)
+        def finish(window: Motion, segments: SegmentMotion | None = None) -> Motion:
+            if constraints is None or not closes:
+                return window
+            return closed(window, self.anchor, constraints, segments=segments)
 
         if not self.balanced:
             made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))

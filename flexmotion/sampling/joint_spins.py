@@ -12,14 +12,14 @@ from flexmotion.features.heading_frame import yaw_matrix
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, ROTATION_SIZE, sign
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import AXES, human_model
-from flexmotion.sampling.window_pose import PELVIS, WindowPose, point_owners
+from flexmotion.sampling.window_pose import PELVIS, WindowPose
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 
 class JointSpins:
-    """How segments turn with the columns of their joints.
+    """How segments turn with the columns of their joints, and about which places.
 
     With the first two columns a and b of a joint's rotation, orthonormal, and z the third, the joint turns by
     (b' z, -a' z, a' y) in the axes of the segment that it moves.
@@ -28,12 +28,12 @@ class JointSpins:
         pose: of the window.
 
     Attributes:
-        world: segment -> rotation in the axes of the window [rad] per unit of the joint's columns, (W, 3, 6) or of a
-            hinge (W, 3, 1).
+        world: rotation in the axes of the window [rad] per unit of each column of the block `rotations`, (W, 3, 50).
+        place: of the joint of each column, (W, 3, 50) [m].
     """
 
     def __init__(self, pose: WindowPose) -> None:
-        joints = joints_of(pose.body)
+        joints, frames = joints_of(pose.body), len(pose.yaw)
         parent = human_model(pose.body).model.body_parentid
         self._balls = [segment for segment, joint in joints.items() if joint.axis is None]  # the pelvis first
         self._joints = joints
@@ -44,11 +44,12 @@ class JointSpins:
         self._local = np.zeros((*turn.shape[:2], 3, 6))
         y, z = self._own[..., 1], self._own[..., 2]
         self._local[..., 0, 3:], self._local[..., 1, :3], self._local[..., 2, :3] = z, -z, y
-        world = turn @ self._local
-        self.world: dict[int, Float] = {segment: world[:, row] for row, segment in enumerate(self._balls)}
-        for segment, joint in joints.items():
-            if joint.axis is not None:
-                self.world[segment] = (pose.rotation[:, segment] @ np.array(joint.axis))[..., None]
+        balls = (turn @ self._local).swapaxes(1, 2).reshape(frames, 3, -1)
+        hinges, axes = _hinges(pose.body)
+        turns = np.einsum("tsij,sj->tis", pose.rotation[:, hinges], axes)
+        # Single precision, as the derivatives that they are multiplied by.
+        self.world: Float32 = np.concatenate([balls, turns], axis=-1, dtype=np.float32)
+        self.place: Float32 = pose.position.swapaxes(1, 2).astype(np.float32)[..., column_segments(pose.body)]
 
     @cached_property
     def kept(self) -> Float32:
@@ -91,15 +92,26 @@ def joints_of(body: Body) -> dict[int, MovedBy]:
 
 
 @lru_cache(maxsize=8)
-def chains(body: Body) -> tuple[tuple[tuple[int, slice], ...], ...]:
-    """For each of `layout.POINTS`: segments between pelvis and point that a joint moves, and columns of the joint."""
-    model, joints = human_model(body).model, joints_of(body)
-    found = []
-    for owner in point_owners(body):
-        segments, segment = [], owner
-        while segment > PELVIS:
-            if segment in joints:
-                segments.append((segment, joints[segment].columns))
-            segment = int(model.body_parentid[segment])
-        found.append(tuple(segments))
-    return tuple(found)
+def _hinges(body: Body) -> tuple[list[int], Float]:
+    """Segments that hinges move, and the hinges' axes in them, (8, 3); in the order of `joint_groups.HINGES`."""
+    axes = {segment: joint.axis for segment, joint in joints_of(body).items() if joint.axis is not None}
+    return list(axes), np.array(list(axes.values()))
+
+
+@lru_cache(maxsize=8)
+def column_segments(body: Body) -> NDArray[np.intp]:
+    """Segment that the joint of a column moves, (50,)."""
+    found = np.zeros(ROTATION_SIZE, np.intp)
+    for segment, joint in joints_of(body).items():
+        found[joint.columns] = segment
+    return found
+
+
+@lru_cache(maxsize=8)
+def carrying(body: Body) -> NDArray[np.bool_]:
+    """Whether the joint of a column moves a segment, itself or one that carries it, (B, 50)."""
+    parents, own = human_model(body).model.body_parentid, column_segments(body)
+    found = np.zeros((len(parents), ROTATION_SIZE), np.bool_)
+    for segment in range(PELVIS, len(parents)):
+        found[segment] = found[parents[segment]] | (own == segment)
+    return found

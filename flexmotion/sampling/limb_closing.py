@@ -22,16 +22,18 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_factor, cho_solve
 
+from flexmotion.biomechanics.segment_motion import SegmentMotion, segments_at_rest
 from flexmotion.features.constraint_layout import PLACES
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor
+from flexmotion.features.heading_frame import yaw_matrix
 from flexmotion.features.layout import POINTS
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEG_JOINTS, SIDES
 from flexmotion.human.vectors import cross
 from flexmotion.sampling.limb_pose import LimbPose
-from flexmotion.sampling.window_pose import WindowPose
+from flexmotion.sampling.window_pose import WindowPose, body_points
 from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
@@ -130,7 +132,13 @@ def closable(constraints: Constraints, limbs: Sequence[Limb] = LIMBS) -> NDArray
     return found
 
 
-def closed(motion: Motion, anchor: Anchor, constraints: Constraints, limbs: Sequence[Limb] = LIMBS) -> Motion:
+def closed(
+    motion: Motion,
+    anchor: Anchor,
+    constraints: Constraints,
+    limbs: Sequence[Limb] = LIMBS,
+    segments: SegmentMotion | None = None,
+) -> Motion:
     """The motion with points of its limbs that are asked at their places, as far as the limbs reach.
 
     Args:
@@ -138,6 +146,7 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints, limbs: Sequ
         anchor: the frame before it.
         constraints: what is asked; all else than places of `Limb.closes` is left.
         limbs: that may move.
+        segments: of the motion, in the world, where they are known.
     """
     asked, places = _asked(constraints, motion.body.leg)
     moving = [
@@ -148,11 +157,15 @@ def closed(motion: Motion, anchor: Anchor, constraints: Constraints, limbs: Sequ
     ]
     if not moving:
         return motion
-    pose, joints = WindowPose.of(motion, anchor), motion.joints.copy()
+    pose, joints = segments_at_rest(motion) if segments is None else segments, motion.joints.copy()
+    turn, place = yaw_matrix(np.array(anchor.yaw)), body_points(motion.body, pose.position, pose.rotation)
     for limb, points, columns in moving:
-        own = LimbPose(pose.anchor[:, columns], pose.axis[:, columns], pose.points[:, points], limb.carried)
+        centre, axis = anchor.local(pose.anchor[:, columns]), pose.axis[:, columns] @ turn
+        own = LimbPose(centre, axis, anchor.local(place[:, points]), limb.carried)
         wanted = Wanted.of(limb, own, asked[:, points], places[:, points])
-        joints[:, columns] = _closed(own, joints[:, columns], joint_limits()[columns], wanted)
+        told = np.flatnonzero(wanted.weight.any(axis=(0, 2)))
+        angles, limits = joints[:, columns], joint_limits()[columns]
+        joints[:, columns] = _closed(own.only(told), angles, limits, wanted.only(told))
     return replace(motion, joints=joints)
 
 
@@ -188,6 +201,8 @@ def within_arms(pose: WindowPose, constraints: Constraints, most: float) -> bool
         mask, (shoulder, _, hand) = asked[:, columns], np.moveaxis(pose.points[:, columns], 1, 0)
         if mask[:, 1].any():
             return False  # an elbow moves on a sphere
+        if not mask[:, -1].any():
+            continue
         wanted = np.where(mask[:, -1], places[:, columns[-1]], hand)
         reach = IN_REACH * _reach(ARM, pose.points[:, columns])
         beyond = (_lengths(wanted - hand) > most) | (_lengths(wanted - shoulder) > reach)
@@ -247,10 +262,14 @@ class Wanted:
         places[:, [end, *(limb.points.index(point) for point in limb.rigid if point != limb.end)]] += short[:, None]
         return cls(places, weight)
 
+    def only(self, points: NDArray[np.intp]) -> Wanted:
+        """The same of some of the points."""
+        return Wanted(self.places[:, points], self.weight[:, points])
+
     def missing(self, pose: LimbPose) -> Float:
         """What the points lack of their places, at most `FARTHEST`, (W, P, 3) [m]."""
         missing = self.places - pose.points
-        farther = np.linalg.norm(missing, axis=-1, keepdims=True) / FARTHEST
+        farther = np.sqrt(np.einsum("tpi,tpi->tp", missing, missing))[..., None] / FARTHEST
         found: Float = missing / np.maximum(farther, 1.0)
         return found
 
@@ -282,22 +301,19 @@ def _closed(pose: LimbPose, angles: Float, limits: Float, wanted: Wanted) -> Flo
 
 def _change(pose: LimbPose, wanted: Wanted) -> Float:
     """Change of the angles of a limb, (W, J) [rad]."""
-    over, missing = _functions(len(pose.points)), wanted.missing(pose)
-    size = pose.axis.shape[1]
-    rows, residuals = [], []
-    for point in np.flatnonzero(wanted.weight.any(axis=(0, 2))):
-        frames, coordinates = np.nonzero(wanted.weight[:, point])
-        moved = cross(pose.axis, pose.points[:, point, None] - pose.anchor)  # (W, J, 3)
-        moved[:, pose.carried[point] :] = 0.0  # a point is not moved by joints beyond it
-        weight = wanted.weight[frames, point, coordinates]
-        own = moved[frames, :, coordinates] * weight[:, None]
-        rows.append((own[:, :, None] * over[frames][:, None]).reshape(len(frames), size * over.shape[1]))
-        residuals.append(weight * missing[frames, point, coordinates])
-    system = np.concatenate(rows)
-    normal = system.T @ system + _evenness(len(over), size)
-    normal[np.diag_indices(len(normal))] += DAMPING
-    found = cho_solve(cho_factor(normal), system.T @ np.concatenate(residuals)).reshape(size, -1)
-    change: Float = over @ found.T
+    (frames, size), over = pose.axis.shape[:2], _functions(len(pose.axis))
+    moved = cross(pose.axis[:, :, None], pose.points[:, None] - pose.anchor[:, :, None])  # (W, J, P, 3)
+    moved *= wanted.weight[:, None]
+    for point, count in enumerate(pose.carried):
+        moved[:, count:, point] = 0.0  # a point is not moved by joints beyond it
+    # The joints of a frame are summed up before functions of time are: a frame's rows share those.
+    rows = moved.reshape(frames, size, -1)
+    squares = (rows @ rows.swapaxes(-1, -2)).reshape(frames, -1)
+    normal = (squares.T @ _products(frames)).reshape(size, size, over.shape[1], -1).swapaxes(1, 2)
+    normal = normal.reshape(size * over.shape[1], -1) + _evenness(frames, size)
+    pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(frames, -1, 1))[..., 0]
+    found = cho_solve(cho_factor(normal, check_finite=False), (pulled.T @ over).ravel(), check_finite=False)
+    change: Float = over @ found.reshape(size, -1).T
     return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
 
 
@@ -315,9 +331,17 @@ def _lengths(vectors: Float) -> Float:
 
 @lru_cache(maxsize=8)
 def _evenness(frames: int, joints: int) -> Float:
-    """Quadratic form of the second differences of the coefficients of all joints, (J K, J K)."""
-    even = np.diff(np.eye(_functions(frames).shape[1]), n=2, axis=0)
-    return np.asarray(EVEN * np.kron(np.eye(joints), even.T @ even), np.float64)
+    """Quadratic form of the coefficients of all joints and of their second differences, (J K, J K)."""
+    own = np.eye(_functions(frames).shape[1])
+    even = np.diff(own, n=2, axis=0)
+    return np.asarray(np.kron(np.eye(joints), EVEN * even.T @ even + DAMPING * own), np.float64)
+
+
+@lru_cache(maxsize=4)
+def _products(frames: int) -> Float:
+    """Products of every two of `_functions`, (W, K K)."""
+    over = _functions(frames)
+    return np.asarray(over[:, :, None] * over[:, None], np.float64).reshape(frames, -1)
 
 
 @lru_cache(maxsize=4)

@@ -25,31 +25,40 @@ class LimbPose:
     points: Float
     carried: tuple[int, ...]
 
+    def only(self, points: NDArray[np.intp]) -> LimbPose:
+        """The limb with some of its points alone."""
+        return LimbPose(self.anchor, self.axis, self.points[:, points], tuple(self.carried[point] for point in points))
+
     def moved(self, change: Float) -> LimbPose:
         """The limb after its angles have changed by (W, K) [rad].
 
-        A product of exponentials about the hinges as they are (Brockett 1984): what the last hinge has turned, the one
-        before it turns again.
+        A product of exponentials about the hinges as they are (Brockett 1984), from the trunk outwards: what a hinge
+        carries is turned by it and then by all before it.
         """
-        anchor, axis, points = self.anchor.copy(), self.axis.copy(), self.points.copy()
-        for hinge in reversed(range(change.shape[1])):
-            centre = self.anchor[:, hinge, None]
-            turn = _turns(self.axis[:, hinge], change[:, hinge])
-            beyond = [number for number, count in enumerate(self.carried) if count > hinge]
-            points[:, beyond] = (points[:, beyond] - centre) @ turn + centre
-            anchor[:, hinge + 1 :] = (anchor[:, hinge + 1 :] - centre) @ turn + centre
-            axis[:, hinge + 1 :] = axis[:, hinge + 1 :] @ turn
-        return LimbPose(anchor, axis, points, self.carried)
+        frames, hinges = change.shape
+        own = np.zeros((frames, hinges, 4, 4))
+        own[..., :3, :3] = turn = _turns(self.axis, change)
+        own[..., :3, 3] = self.anchor - np.einsum("tkij,tkj->tki", turn, self.anchor)
+        own[..., 3, 3] = 1.0
+        moved = np.empty((frames, hinges + 1, 4, 4))  # of what the first so many hinges carry
+        moved[:, 0] = np.eye(4)
+        for hinge in range(hinges):
+            np.matmul(moved[:, hinge], own[:, hinge], out=moved[:, hinge + 1])
+        places = np.concatenate([self.anchor, self.points], axis=1)
+        by = moved[:, [*range(hinges), *self.carried], :3]
+        found = np.einsum("tkij,tkj->tki", by[..., :3], places) + by[..., 3]
+        axis = np.einsum("tkij,tkj->tki", by[:, :hinges, :, :3], self.axis)
+        return LimbPose(found[:, :hinges], axis, found[:, hinges:], self.carried)
 
 
 def _turns(axis: Float, angle: Float) -> Float:
-    """Transposed rotation matrices about unit vectors (W, 3) by (W,) [rad], (W, 3, 3)."""
-    x, y, z = axis.T
+    """Rotation matrices about unit vectors (..., 3) by (...) [rad], (..., 3, 3)."""
     sine, cosine = np.sin(angle), np.cos(angle)
-    rest = 1.0 - cosine
-    found = np.empty((len(angle), 3, 3))
-    found[:, 0, 0], found[:, 1, 1], found[:, 2, 2] = (cosine + rest * own * own for own in (x, y, z))
-    for row, column, one, other, third in ((0, 1, x, y, z), (1, 2, y, z, x), (2, 0, z, x, y)):
-        found[:, row, column] = rest * one * other + sine * third
-        found[:, column, row] = rest * one * other - sine * third
+    found = ((1.0 - cosine)[..., None] * axis)[..., None] * axis[..., None, :]
+    for number in range(3):
+        after, last = (number + 1) % 3, (number + 2) % 3
+        along = sine * axis[..., number]
+        found[..., number, number] += cosine
+        found[..., after, last] -= along
+        found[..., last, after] += along
     return found

@@ -8,6 +8,7 @@ the two feet disagree or a foot lands sooner than the body is lowered.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,15 +59,20 @@ def planted(motion: Motion, past: Motion) -> Motion:
         motion: with contacts; without them it is returned as it is.
         past: the motion before it, of the same body and frame rate, at least one frame.
     """
-    return planted_slip(motion, past)[0]
+    return planted_slip(motion, foot_points(past[len(past) - 1 :]))[0]
 
 
-def planted_slip(motion: Motion, past: Motion) -> tuple[Motion, Slip | None]:
-    """`planted`, and how its feet slipped before; None where nothing is planted."""
+def planted_slip(motion: Motion, before: Float) -> tuple[Motion, Slip | None]:
+    """`planted`, and how its feet slipped before; None where nothing is planted.
+
+    Args:
+        motion: see `planted`.
+        before: heel and toe of both feet in the frame before it, (1, 2, 2, 3) [m].
+    """
     if motion.contacts is None or not len(motion):
         return motion, None
     human = forward(motion)
-    feet = np.concatenate([foot_points(past[len(past) - 1 :]), _feet(human)])
+    feet = np.concatenate([before, _feet(human)])
     height = feet[1:, ..., 2].min(axis=2)
     slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
 
@@ -177,18 +183,32 @@ class Holding:
         turn = np.array([[cosine, -sine], [sine, cosine]])
         return Holding(self.parts, turn @ self.held @ turn.T)
 
-    def shift(self, feet: NDArray) -> NDArray:
-        """Displacement of the feet that the root makes up for, (T, 2, ...) [as `feet`].
+    @property
+    def gains(self) -> Float:
+        """From displacements of heel and toe of both feet to what the root makes up for at once, (T, 2, 8)."""
+        found = self.held[:, :, None] * self.parts[..., None, None]  # (T, foot, end, 2, 2)
+        return np.moveaxis(found, 3, 1).reshape(len(found), 2, -1)
+
+    def shift(self, feet: Float) -> Float:
+        """Displacement of the feet that the root makes up for, (T, 2) [m].
 
         Args:
-            feet: heel and toe of both feet in the frame before, then in each frame, or derivatives of them,
-                (T + 1, 2, 2, 2 or more, ...).
+            feet: heel and toe of both feet in the frame before, then in each frame, (T + 1, 2, 2, 2 or more) [m].
         """
         moved = np.diff(feet[:, :, :, :2], axis=0)
-        slip = np.einsum("tfh,tfhi...->tfi...", self.parts, moved)
-        step = np.einsum("tfij,tfj...->ti...", self.held, slip)
-        found: Float = np.cumsum(convolve1d(step, SMOOTH, axis=0, mode="nearest"), axis=0)
-        return found
+        return self.summed((self.gains @ moved.reshape(len(moved), -1, 1))[..., 0])
+
+    def summed(self, steps: NDArray) -> NDArray:
+        """The displacement up to each frame, of what the root makes up for at each, both (T, ...)."""
+        found: NDArray = _summing(len(steps)).astype(steps.dtype) @ steps.reshape(len(steps), -1)
+        return found.reshape(steps.shape)
+
+
+@lru_cache(maxsize=8)
+def _summing(frames: int) -> Float:
+    """Filters displacements over frames as `Slip.made_up_for` does, and sums them, (T, T)."""
+    found: Float = np.cumsum(convolve1d(np.eye(frames), SMOOTH, axis=0, mode="nearest"), axis=0)
+    return found
 
 
 def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import Layout
+from flexmotion.sampling.column_cuts import ColumnCuts
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.planted import Holding
 from flexmotion.sampling.window_change import WindowChange
@@ -90,7 +92,11 @@ class Tangent:
             pose: of the window.
             holding: how its feet were held in place, in the frame of the window; None where they were not.
         """
-        return WindowChange(self.root, self.rotations, self.fps, pose, holding)
+        return WindowChange(self.root, self._cuts, self.fps, pose, holding)
+
+    @cached_property
+    def _cuts(self) -> ColumnCuts:
+        return ColumnCuts(self.rotations)
 
 
 def tangent_of(bundle: Bundle, decode: Callable[[Float32, Float32], Float32]) -> Tangent:

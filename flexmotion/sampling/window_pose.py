@@ -92,27 +92,23 @@ class WindowPose:
         tree, frames = _tree(body), len(values)
         root, own = values[:, layout.blocks["root"]], values[:, layout.blocks["rotations"]]
         place, yaw = window_path(root, layout.fps, np)
-        position, rotation = np.zeros((frames, len(tree), 3)), np.empty((frames, len(tree), 3, 3))
-        rotation[:, 0] = np.eye(3)
         six_columns = own[:, : PELVIS_SIZE + 6 * len(BALLS)].reshape(frames, -1, 6)
         balls, hinges = matrix(six_columns), own[:, -len(HINGES) :]
-        position[:, PELVIS] = np.concatenate([place, root[:, 3:4]], axis=1) * body.leg
+        rotation = np.empty((frames, len(tree.parent), 3, 3))
+        # At first each segment's turn in its parent; what neither a ball nor a hinge moves is as it is built.
+        rotation[:] = tree.turn
+        rotation[:, tree.balls] = balls
+        rotation[:, tree.hinges] = tree.bent(hinges)
         rotation[:, PELVIS] = yaw_matrix(yaw) @ balls[:, 0]
-        for number, segment in enumerate(tree[PELVIS + 1 :], PELVIS + 1):
-            above = rotation[:, segment.parent]
-            position[:, number] = position[:, segment.parent] + above @ segment.offset
-            if segment.ball is not None:
-                rotation[:, number] = above @ balls[:, segment.ball]
-            elif segment.hinge is not None:
-                rotation[:, number] = above @ _about(segment.axis, hinges[:, segment.hinge])
-            else:
-                rotation[:, number] = above @ segment.turn
-        return cls._from(body, position, rotation, hinges)
+        for level, above in tree.levels:
+            rotation[:, level] = rotation[:, above] @ rotation[:, level]
+        steps = np.einsum("tsij,sj->tsi", rotation[:, tree.parent], tree.offset)
+        steps[:, PELVIS] = np.concatenate([place, root[:, 3:4]], axis=1) * body.leg
+        return cls._from(body, tree.carrying @ steps, rotation, hinges)
 
     @classmethod
     def _from(cls, body: Body, position: Float, rotation: Float, hinges: Float) -> WindowPose:
-        owners = list(point_owners(body))
-        points = position[:, owners] + (rotation[:, owners] @ _points(body)[..., None])[..., 0]
+        points = body_points(body, position, rotation)
         yaw = continuous_matrix_heading(rotation[:, PELVIS])
         # Whole turns are counted from the window's own heading, which is 0.
         yaw = yaw - 2 * np.pi * np.round(yaw[0] / (2 * np.pi))
@@ -146,24 +142,22 @@ class WindowPose:
         found[:, layout.blocks[PLACES]] = self.points.reshape(frames, -1) / leg
         if rotations:
             tree = _tree(self.body)
-            moved = [(one.ball, row) for row, one in enumerate(tree) if one.ball is not None]
-            numbers = [row for _, row in sorted(moved)]
-            parents = [tree[number].parent for number in numbers]
-            balls = self.rotation[:, parents].swapaxes(-1, -2) @ self.rotation[:, numbers]
+            balls = self.rotation[:, tree.parent[tree.balls]].swapaxes(-1, -2) @ self.rotation[:, tree.balls]
             balls[:, 0] = yaw_matrix(-self.yaw) @ self.rotation[:, PELVIS]
             found[:, layout.blocks[ROTATIONS]] = np.concatenate([six(balls).reshape(frames, -1), self.hinges], axis=1)
         return found
 
 
-def motion_values(motion: Motion, anchor: Anchor, layout: ConstraintLayout) -> Float:
+def motion_values(motion: Motion, anchor: Anchor, layout: ConstraintLayout, pose: WindowPose | None = None) -> Float:
     """Values of all columns of a `ConstraintLayout` in a window, (W, C); of forces that it lacks zeros.
 
     Args:
         motion: the window, in the world.
         anchor: the frame before it.
         layout: of the columns.
+        pose: of the motion, where it is known.
     """
-    found = WindowPose.of(motion, anchor).values(layout)
+    found = (WindowPose.of(motion, anchor) if pose is None else pose).values(layout)
     leg, weight = motion.body.leg, motion.body.mass * GRAVITY
     if motion.torques is not None:
         torques = motion.torques[:, -len(JOINTS) :] / (weight * leg)
@@ -180,45 +174,62 @@ def motion_values(motion: Motion, anchor: Anchor, layout: ConstraintLayout) -> F
 
 
 @dataclass(frozen=True)
-class _Segment:
-    """A segment of the model: its parent, place and turn in it, and number of the ball or hinge that moves it."""
+class _Tree:
+    """The B segments of the model.
 
-    parent: int
+    Attributes:
+        parent: of each segment, (B,).
+        offset, turn: of each segment in its parent, as the model is built, (B, 3) [m] and (B, 3, 3).
+        carrying: whether a segment (second axis) carries another one or is it, 1 or 0, (B, B); the world carries none.
+        levels: segments beyond the pelvis whose parents are of the level before, the first one's the pelvis; and those
+            parents.
+        balls: segments that the pelvis' own rotation and `joint_groups.BALLS` move, (7,).
+        hinges: segments that `joint_groups.HINGES` move, (8,).
+        spins: cross products with the unit vectors of those hinges, whose signs count, (8, 3, 3).
+    """
+
+    parent: NDArray[np.intp]
     offset: Float
     turn: Float
-    ball: int | None
-    hinge: int | None
-    axis: Float
+    carrying: Float
+    levels: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
+    balls: NDArray[np.intp]
+    hinges: NDArray[np.intp]
+    spins: Float
+
+    def bent(self, angles: Float) -> Float:
+        """Rotations of the hinges by the formula of Rodrigues, (W, 8) [rad] -> (W, 8, 3, 3)."""
+        turns = np.einsum("tk,kij->tkij", np.sin(angles), self.spins)
+        found: Float = np.eye(3) + turns + np.einsum("tk,kij->tkij", 1.0 - np.cos(angles), self.spins @ self.spins)
+        return found
 
 
 @lru_cache(maxsize=8)
-def _tree(body: Body) -> tuple[_Segment, ...]:
-    """Segments in the order of the model, parents before children; the pelvis is moved by ball 0."""
+def _tree(body: Body) -> _Tree:
+    """The segments of a human."""
     model = human_model(body).model
-    balls = {int(model.jnt_bodyid[model.joint(ball[0]).id]): number + 1 for number, ball in enumerate(BALLS)}
-    hinges = {int(model.jnt_bodyid[model.joint(name).id]): number for number, name in enumerate(HINGES)}
-    found = []
+    parent = np.array(model.body_parentid, np.intp)
+    turn = np.empty((model.nbody, 9))
     for number in range(model.nbody):
-        turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.body_quat[number])
-        hinge = hinges.get(number)
-        axis = np.zeros(3) if hinge is None else np.abs(AXES[HINGES[hinge][:-2]]) * sign(HINGES[hinge])
-        ball = 0 if number == PELVIS else balls.get(number)
-        parent = int(model.body_parentid[number])
-        found.append(_Segment(parent, model.body_pos[number].copy(), turn.reshape(3, 3), ball, hinge, axis))
-    return tuple(found)
-
-
-def _about(axis: Float, angle: Float) -> Float:
-    """Rotations about a coordinate axis, whose sign counts, (W,) [rad] -> (W, 3, 3)."""
-    found = np.zeros((len(angle), 3, 3))
-    along = int(np.abs(axis).argmax())
-    first, second = (along + 1) % 3, (along + 2) % 3
-    cosine, sine = np.cos(angle), np.sin(angle) * axis[along]
-    found[:, along, along] = 1.0
-    found[:, first, first] = found[:, second, second] = cosine
-    found[:, first, second], found[:, second, first] = -sine, sine
-    return found
+        mujoco.mju_quat2Mat(turn[number], model.body_quat[number])
+    carrying = np.zeros((model.nbody, model.nbody))
+    for number in range(PELVIS, model.nbody):
+        carrying[number] = carrying[parent[number]]
+        carrying[number, number] = 1.0
+    depth = carrying.sum(axis=1)
+    levels = [np.flatnonzero(depth == level) for level in range(2, int(depth.max()) + 1)]
+    moved = {name: int(model.jnt_bodyid[model.joint(name).id]) for name in (*(ball[0] for ball in BALLS), *HINGES)}
+    axes = np.array([np.abs(AXES[hinge[:-2]]) * sign(hinge) for hinge in HINGES])
+    return _Tree(
+        parent=parent,
+        offset=np.array(model.body_pos),
+        turn=turn.reshape(-1, 3, 3),
+        carrying=carrying,
+        levels=tuple((level, parent[level]) for level in levels),
+        balls=np.array([PELVIS, *(moved[ball[0]] for ball in BALLS)]),
+        hinges=np.array([moved[hinge] for hinge in HINGES]),
+        spins=np.cross(axes[:, None], np.eye(3)).swapaxes(-1, -2),
+    )
 
 
 @lru_cache(maxsize=8)
@@ -227,6 +238,14 @@ def point_owners(body: Body) -> tuple[int, ...]:
     index = human_model(body).body_index
     owners = {**SIDED_BODIES, "heel": "calcaneus", "toe": "toes"}
     return tuple(index[f"{owners.get(name[:-2], name[:-2])}_{name[-1]}"] for name in POINTS)
+
+
+def body_points(body: Body, position: Float, rotation: Float) -> Float:
+    """`layout.POINTS` of segments at their places, (T, B, 3) [m] and (T, B, 3, 3) -> (T, 16, 3) [m]."""
+    owners, within = np.array(point_owners(body)), _points(body)
+    points, apart = position[:, owners], np.flatnonzero(within.any(axis=1))  # the others are at their segments' origins
+    points[:, apart] += np.einsum("tpij,pj->tpi", rotation[:, owners[apart]], within[apart])
+    return points
 
 
 @lru_cache(maxsize=8)

@@ -35,7 +35,9 @@ def continuous_heading(quaternion: Float) -> Float:
 
 def continuous_matrix_heading(rotation: Float) -> Float:
     """`matrix_heading` without jumps of 2π over time, (T, ..., 3, 3) -> (T, ...) [rad]."""
-    return np.unwrap(matrix_heading(rotation), axis=0)
+    angle = matrix_heading(rotation)
+    # Most motion has no jump, and finding that out is several times as fast.
+    return np.unwrap(angle, axis=0) if (np.abs(np.diff(angle, axis=0)) > np.pi).any() else angle
 
 
 def wrapped(angle: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.biomechanics.differentiation import FIRST, SECOND, derivative, second_derivative
+from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND, SHORT, derivative, second_derivative
 from flexmotion.biomechanics.smoothing import BALL_JOINTS, smooth, smoothing_spline
 from flexmotion.human.angles import three_angle_rotation
 from flexmotion.human.motion import Motion
@@ -36,6 +36,13 @@ def test_derivatives_of_a_parabola_hold_up_to_the_ends(frames: int) -> None:
     times = np.arange(frames) / 10.0
     assert np.allclose(derivative(times**2, 10.0), 2 * times)
     assert np.allclose(second_derivative(times**2, 10.0), 2.0)
+
+
+@pytest.mark.parametrize("differentiated", [derivative, second_derivative])
+def test_short_signals_have_the_derivatives_of_long_ones(differentiated) -> None:
+    signal = np.random.default_rng(0).normal(size=(SHORT + 1, 4, 3))
+    short, long = differentiated(signal[:SHORT], 30.0), differentiated(signal, 30.0)
+    assert short[:-HALF] == pytest.approx(long[: -HALF - 1], abs=1e-9)
 
 
 @pytest.mark.parametrize("frames", [1, 2])

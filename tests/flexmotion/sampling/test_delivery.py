@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion, segments_at_rest
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.evaluation.ground import judge_ground
 from flexmotion.human.body import Body
@@ -74,6 +76,27 @@ def test_a_fast_sway_is_balanced_by_a_shift_of_the_root() -> None:
     before, after = judge_ground(motion).beyond[KNOWN:-EDGE], judge_ground(made(motion)).beyond[EDGE:-EDGE]
     assert (before > 0.1).mean() > 0.3
     assert (after > 0.01).mean() < 0.1
+
+
+def test_a_joint_that_is_changed_last_is_in_the_forces() -> None:
+    motion, column = swaying(0.1, 0.6), JOINTS.index("shoulder_flexion_r")
+
+    def raised(window: Motion, segments: SegmentMotion) -> Motion:
+        now = segments_at_rest(window)
+        assert segments.position[:, 1:] == pytest.approx(now.position[:, 1:], abs=1e-9)
+        assert segments.axis == pytest.approx(now.axis, abs=1e-9)
+        joints = window.joints.copy()
+        joints[:, column] += np.linspace(0.0, 1.0, len(window)) ** 2
+        return replace(window, joints=joints)
+
+    past = motion[:KNOWN]
+    found = delivered(motion[KNOWN:], past, np.zeros((FRAMES, 3)), raised).window
+    assert found.joints[-1, column] == pytest.approx(1.0)
+    whole = segment_motion(concatenate([past.kinematics, found.kinematics]))
+    frames = np.concatenate([np.zeros((KNOWN, 2, 6)), found.wrenches]), np.zeros((len(motion), 2, 3))
+    frames[1][KNOWN:] = found.pressure_centres
+    expected = joint_torques(found.body, whole, *frames)[KNOWN:]
+    assert found.torques == pytest.approx(expected, abs=1e-6)
 
 
 def test_frames_before_the_window_stay_where_they_are() -> None:
