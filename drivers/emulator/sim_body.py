@@ -28,7 +28,7 @@ PICKED_UP_S = 3.0
 class SimBody(Body):
     """The robot of driver `sim` without its delays, which the bus adds.
 
-    When torque goes off after it was on, the robot sinks and tips over. `PICKED_UP_S` later it is back in its start
+    When torque goes off after it was on, the robot sinks, and may fall. `PICKED_UP_S` later it is back in its start
     pose, its torso held until torque goes on, so that the next run starts like the first.
 
     Attributes:

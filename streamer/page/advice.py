@@ -7,13 +7,13 @@ import re
 _ADVICE = (
     (
         r"FAULT: e-stop",
-        "The torque is off, and the robot may have tipped over. Put it into its rest pose by hand, see that nobody is "
-        "in its way, clear the fault, then arm the robot: it stands up.",
+        "The torque is off. If the robot has tipped over, put it into its rest pose by hand. See that nobody is in its "
+        "way, clear the fault, then arm the robot: it stands up.",
     ),
     (
         r"e-stop",
-        "The robot stops, lowers itself, and its torque goes off: it may tip over then. Put it into its rest pose by "
-        "hand, see that nobody is in its way, clear the fault, then arm the robot: it stands up.",
+        "The robot stops, lowers itself, and its torque goes off. If it tips over then, put it into its rest pose by "
+        "hand. See that nobody is in its way, clear the fault, then arm the robot: it stands up.",
     ),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
     (

@@ -51,6 +51,20 @@ def test_feed_forward_of_gravity_torque_removes_the_droop(start: Callable, op3: 
     assert run.tilt < 0.01
 
 
+@pytest.mark.parametrize(
+    "options",
+    [{"joint_friction_scale": scale} for scale in (0.3, 1.0, 3.0)]
+    + [{"friction": 0.6}, {"slope_deg": (1.0, 1.0)}, {"slope_deg": (-1.0, 1.0)}, PERTURBED.model_dump()],
+    ids=str,
+)
+def test_in_its_rest_pose_it_stays_without_torque(start: Callable, op3: Robot, options: dict[str, object]) -> None:
+    """It sank out of its crouch and tipped onto its front, whenever it was parked."""
+    run = start(torque=False, **options | {"start": "rest"})
+    run.tick(1000)
+    assert run.tilt < op3.safety.fall_tilt - np.radians(5.0)
+    assert np.abs(run.driver.truth().foot_velocity).max() < 0.01
+
+
 @pytest.mark.parametrize("mass", [None, 3.5])
 def test_it_stands_under_perturbations(start: Callable, mass: float | None) -> None:
     run = start(**PERTURBED.model_dump() | {"total_mass": mass})

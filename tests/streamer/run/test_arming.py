@@ -93,8 +93,8 @@ def test_nothing_moves_before_the_robot_is_armed_and_targets_are_told_why() -> N
 
 
 def test_after_an_emergency_stop_clear_leads_to_off_and_arm_from_there_back_to_a_stand() -> None:
-    """The run ended with an emergency stop; the program had to be started again."""
-    run = Attended(picked_up_s=1.0)  # a robot without torque tips over
+    """The run ended with an emergency stop; the program had to be started again. The parked robot tipped over."""
+    run = Attended()
     with run.session as session:
         run.ask(Request.ARM)
         run.until_state(State.HOLD)
@@ -142,7 +142,7 @@ def test_a_robot_that_lies_is_not_armed() -> None:
 
 
 def test_a_robot_that_is_disarmed_parks_and_the_run_goes_on() -> None:
-    run = Attended(picked_up_s=1.0)
+    run = Attended()
     with run.session as session:
         run.ask(Request.ARM)
         run.until_state(State.HOLD)
@@ -287,7 +287,7 @@ def test_a_planner_that_died_while_its_first_plan_waited_follows_targets_again(m
 
 def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself(made: list[Replanner]) -> None:
     """Started again in FAULT, it planned what the run was started with as soon as the robot was armed and stood."""
-    run = Attended(picked_up_s=1.0)  # a robot without torque tips over
+    run = Attended()
     with run.session as session:
         run.ask(Request.ARM)
         run.until_state(State.HOLD)
