@@ -99,7 +99,11 @@ def send(
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
     ] = None,
     wait: Annotated[
-        bool, typer.Option("--wait", help="Wait until it has ended: done, replaced, stopped, its time over.")
+        bool,
+        typer.Option(
+            "--wait",
+            help="Wait for its end: done, replaced, stopped, its time over. Without an amount words end with the next.",
+        ),
     ] = False,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
     part: PartOptions,

@@ -50,6 +50,7 @@ from flexmotion.streamer.motion.part_intents import PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import RequestChannel
+from flexmotion.text.phrases import STAND
 
 _REQUEST_S = 1.0
 """A loop that has not taken a request after this time does not run [s]."""
@@ -68,7 +69,7 @@ _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _STANDS_AFTER = {"clip", "stop"}
-"""Words of targets that end in a stand and have no measured steps."""
+"""Words of targets that end in a stand and have no measured steps, beside sentences that are heard as standing."""
 
 
 class Desk:
@@ -347,7 +348,8 @@ class Desk:
         elif row is not None and self.following is not None and State(int(row.state)) is State.HOLD:
             # It stands, though a target was followed: one that leads to a stand is done, others were given up, such as
             # those of a planner that was started again.
-            tick, stands = self.following.answer.tick, self.following.asked.keys() & _STANDS_AFTER
+            tick = self.following.answer.tick
+            stands = self.following.answer.heard_as == STAND or self.following.asked.keys() & _STANDS_AFTER
             if tick is not None and int(row.tick) > tick:
                 self.following = self.following.ended("done" if stands else "stopped")
         for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:

@@ -110,6 +110,20 @@ def test_a_robot_that_stands_follows_nothing_any_more(make_office: Make, message
     assert [ended.end for ended in ends] == [end]
 
 
+def test_words_that_are_heard_as_standing_end_in_a_stand(make_office: Make) -> None:
+    """`send "hold"` ended as "stopped", as if the robot had not been asked for its stand."""
+    office = make_office()
+    ends: list[Ended] = []
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    office.run.answer(office.run.arrived()[-1].id, heard="stand")
+    office.desk.pump()
+    office.run.state = State.HOLD
+    for _ in range(3):
+        office.run.step()
+        office.desk.pump()
+    assert [ended.end for ended in ends] == ["done"]
+
+
 def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:
     """A walk beyond the servos' envelope was answered "refused" by a later version, and its sender was told nothing."""
     office = make_office()
