@@ -12,7 +12,7 @@ from benchmarks.shared.hidden_servos import drawn, hide
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.identification import Identification, IdentifiedFigure
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.drivers.identification.identify import identify, merged
+from flexmotion.drivers.identification.identify import Identified, identify, merged
 from flexmotion.drivers.identification.record import RobotRecord
 
 from .stand import Stand
@@ -38,11 +38,23 @@ def knee(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str
     return figures | {"delay": delay, "torque_constant": op3.servo("l_knee").torque_constant or 0.0}, record
 
 
+@pytest.fixture(scope="module")
+def identified(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> Identified:
+    """What the record of the knee shows."""
+    return identify(op3, op3.index("l_knee"), knee[1], DATE)
+
+
+@pytest.fixture(scope="module")
+def silent(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> Identified:
+    """What it shows without current."""
+    record = knee[1]
+    return identify(op3, op3.index("l_knee"), replace(record, effort=np.full_like(record.effort, np.nan)), DATE)
+
+
 def test_hidden_figures_are_found_within_a_tenth_and_their_uncertainty(
-    op3: Robot, knee: tuple[dict[str, float], RobotRecord]
+    knee: tuple[dict[str, float], RobotRecord], identified: Identified
 ) -> None:
-    hidden, record = knee
-    found = identify(op3, op3.index("l_knee"), record, DATE)
+    hidden, found = knee[0], identified
     assert set(found.figures) == set(hidden) and not found.refused
     for name, true in hidden.items():
         figure = found.figures[name]  # type: ignore[index]
@@ -62,10 +74,8 @@ def test_a_joint_that_gravity_does_not_bend_shows_no_torque(op3: Robot, tmp_path
     assert "delay" in found.figures
 
 
-def test_without_current_the_drag_is_one_figure(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
-    hidden, record = knee
-    silent = replace(record, effort=np.full_like(record.effort, np.nan))
-    found = identify(op3, op3.index("l_knee"), silent, DATE)
+def test_without_current_the_drag_is_one_figure(knee: tuple[dict[str, float], RobotRecord], silent: Identified) -> None:
+    hidden, found = knee[0], silent
     assert "measures no current" in found.refused["damping"] and "torque_constant" in found.refused
     drag = found.figures["back_emf"]
     assert abs(drag.value - hidden["back_emf"] - hidden["damping"]) <= drag.uncertainty
@@ -102,17 +112,13 @@ def test_a_joint_at_rest_is_refused(op3: Robot, knee: tuple[dict[str, float], Ro
 
 
 def test_a_new_back_emf_drops_the_friction_that_was_told_from_the_old_one(
-    op3: Robot, knee: tuple[dict[str, float], RobotRecord]
+    op3: Robot, identified: Identified, silent: Identified
 ) -> None:
     """Otherwise viscous friction that the new back-EMF includes would count twice."""
-    _, record = knee
-    joint = op3.index("l_knee")
-    both = identify(op3, joint, record, DATE)
-    known = merged(Identification(joints={}), op3, both)
+    known = merged(Identification(joints={}), op3, identified)
     assert "damping" in known.joints["l_knee"].figures
-    drag = identify(op3, joint, replace(record, effort=np.full_like(record.effort, np.nan)), DATE)
-    after = merged(known, op3, drag).joints["l_knee"].figures
-    assert "damping" not in after and after["back_emf"] == drag.figures["back_emf"]
+    after = merged(known, op3, silent).joints["l_knee"].figures
+    assert "damping" not in after and after["back_emf"] == silent.figures["back_emf"]
     assert isinstance(after["torque_constant"], IdentifiedFigure)  # the others stay
 
 
