@@ -124,7 +124,7 @@ def _judge(task: Task, robot: Robot, session: Session, heard: Heard, begin: int,
         return judged  # plainly
     wanted = _own(heard) if task.does is None else task.does
     kinds = [step.heard_as for step in heard.steps] or [heard.heard_as]
-    # A look alone is no motion of the human but a direction of the head, which is judged like one.
+    # A look is a direction of the head: the human does not move for it.
     looks = heard.heard_as == "head" and len(wanted) == 1 and wanted[0][0] in LOOKS
     if not looks and [kind for kind, *_ in wanted] != kinds:
         judged.faults.append(f"heard as {', '.join(map(str, kinds))}")

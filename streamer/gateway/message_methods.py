@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
@@ -12,12 +13,12 @@ Told = TypeVar("Told", covariant=True)
 """What a method returns: the answer, or what is awaited for it."""
 
 
-class MessageMethods(Generic[Told]):
+class MessageMethods(ABC, Generic[Told]):
     """A method for every message; each sends it by `ask`. Fields that are None are left out."""
 
+    @abstractmethod
     def ask(self, message: Mapping[str, Any]) -> Told:
         """Send any message of `flexmotion.streamer.gateway.messages` and wait for its answer."""
-        raise NotImplementedError
 
     def text(self, text: str, *, ttl_s: float | None = None) -> Told:
         """Do what the words say."""
