@@ -100,7 +100,7 @@ def test_limbs_that_meet_do_touch(op3: Robot) -> None:
     assert any({"l_foot_wide", "r_foot_wide"} <= pair for pair in names)
 
 
-@pytest.mark.parametrize(("pose", "ahead"), [("stand", 0.0), ("rest", 0.005)])
+@pytest.mark.parametrize(("pose", "ahead"), [("stand", 0.0), ("rest", 0.011)])
 def test_in_both_poses_soles_are_flat_and_carry_the_centre_of_mass(op3: Robot, pose: str, ahead: float) -> None:
     data = at_pose(op3, getattr(op3, f"{pose}_pose"))
     feet = list(op3.foot_ids)

@@ -201,7 +201,7 @@ def test_a_knee_that_bends_backward_is_refused(tmp_path: Path) -> None:
     file = folder / "op3.yaml"
     text = file.read_text().replace("name: l_knee, servo: XM430-W350, id: 14, limits: [0, 2.4]",
                                     "name: l_knee, servo: XM430-W350, id: 14, limits: [-2.4, 0]")  # fmt: skip
-    file.write_text(text.replace("l_knee: 0.7893", "l_knee: -0.7893").replace("l_knee: 2.053", "l_knee: -2.053"))
+    file.write_text(text.replace("l_knee: 0.7893", "l_knee: -0.7893").replace("l_knee: 2.37", "l_knee: -2.37"))
     with pytest.raises(
         RetargetError, match=r"joint 'l_knee' of the left leg: limits \[-2.40, 0.00\] rad bend the knee"
     ):
