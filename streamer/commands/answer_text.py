@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from flexmotion.spatial.heading import wrapped
@@ -25,6 +25,8 @@ _ENDS = {
     "superseded": "replaced by another target",
     "stopped": "stopped",
 }
+_MEANT = {"contact": "{} kept down", "foot": "a step of the {}"}
+"""What a message means for a part of the body that others are for, too."""
 _SURE = 0.995
 _IDLE = {
     "OFF": "its torque is off",
@@ -46,7 +48,8 @@ def answer_line(answer: Answer) -> str:
         parts.append(answer.reason)
     elif answer.heard_as is not None:
         sure = 1.0 if answer.certainty is None else answer.certainty
-        parts.append(f"heard as {answer.heard_as}" + (f" ({100 * sure:.0f} % sure)" if sure < _SURE else ""))
+        heard = _MEANT.get(str(answer.asked), "{}" if answer.part and answer.asked != "text" else "heard as {}")
+        parts.append(heard.format(answer.heard_as) + (f" ({100 * sure:.0f} % sure)" if sure < _SURE else ""))
     if answer.slowed is not None:
         parts.append(f"slowed to {answer.slowed}")
     if answer.moved is not None:
@@ -87,6 +90,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "targets": "refused: a stop is in force (flexmotion clear)" if _stopped(found) else None,
         "limp joints": ", ".join(found["limp"]) or None,
         "follows": _follows(found["following"], "HOLD" if found.get("ready") else state),
+        **_held(found.get("holding", ())),
         "operator": found["operator"] or "nobody",
         "place": _place(found["odometry"]),
         "torso": _tilt(found["tilt"]),
@@ -116,6 +120,16 @@ def _follows(following: Mapping[str, Any] | None, state: str | None) -> str:
     slowed = "" if following["slowed"] is None else f", slowed to {following['slowed']}"
     end = "" if following["end"] is None else f"; ended: {following['end']}"
     return f"{asked}{heard}{slowed}, of {following['source']}{end}"
+
+
+def _held(holding: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """A line for each part that is at a place of its own, and for each restriction."""
+    lines = {}
+    for one in holding:
+        way = "restricts" if one["restricts"] else "on its way" if one["there"] is None else f"there, {one['there']}"
+        moved = "" if one["moved"] is None else f", moved to {one['moved']}"
+        lines[one["part"]] = f"{one['asked']}{moved}, of {one['source']}: {way}"
+    return lines
 
 
 def _said(name: str, value: Any) -> str:

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 _VELOCITY_S = 5.0
 """A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
 
-_ENDING = ("TEXT", "--velocity", "--heading", "--waypoint", "--clip")
+_ENDING = (
+    *("TEXT", "--velocity", "--heading", "--waypoint", "--clip"),
+    *("--hand", "--foot", "--point", "--look", "--joint"),
+)
 """What `--wait` can wait for."""
 
 

@@ -21,6 +21,7 @@ from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import TOKEN_VARIABLE, find_token
 from flexmotion.streamer.gateway.messages import FOLLOWED, GET_UP_S, Answer, Ended, MessageError, decode, encode
 from flexmotion.streamer.gateway.stop_path import SOURCE_HEADER, STOPS
+from flexmotion.streamer.motion.part_intents import RELAXES
 
 _DEFAULT = Gateway()
 PATIENCE_S = 10.0
@@ -233,12 +234,12 @@ def awaited(answer: Answer) -> int:
     """Number of the target whose end is waited for.
 
     Raises:
-        GatewayError: the target is not followed, or it is for a part of the body, whose answer says when it is there.
+        GatewayError: the target is not followed, or it lets something go, which has no end.
     """
-    if answer.target is None or answer.state not in FOLLOWED:
+    if answer.target is None or answer.state not in (*FOLLOWED, "moved"):
         raise GatewayError(f"{answer.asked}: {answer.state}: {answer.reason or 'it is no target'}: it has no end")
-    if answer.part is not None:
-        raise GatewayError(f"{answer.asked}: {answer.part}: the answer says when it is there; it is held until let go")
+    if answer.part is not None and answer.part.startswith(RELAXES):
+        raise GatewayError(f"{answer.asked}: {answer.part}: its answer is its end")
     return answer.target
 
 

@@ -18,7 +18,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, OnEnd, Reply, Sequences, asked_of
+from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, Holding, OnEnd, Reply, Sequences, asked_of
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
@@ -46,7 +46,7 @@ from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
-from flexmotion.streamer.motion.part_intents import PartIntent, Relax
+from flexmotion.streamer.motion.part_intents import RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import RequestChannel
@@ -88,6 +88,7 @@ class Desk:
         counts: messages received, answers by state, and what was refused, by its reason.
         following: the newest target that was accepted; None before the first, after a stop, without torque, and where
             the robot stands still for words that it does not understand.
+        holding: targets for parts of the body and restrictions that hold, by number.
         sources: who sent the newest targets, by number.
         cause: why the robot does not do as it is told.
     """
@@ -108,6 +109,7 @@ class Desk:
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
+        self.holding: dict[int, Holding] = {}
         self.cause = Cause()
         self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
@@ -132,7 +134,7 @@ class Desk:
             data: JSON, one message.
             reply: takes the answer; must not raise.
             sender: connection that it came by, until `forget`; sequence numbers ascend within one.
-            on_end: is called once with the end of a target for the whole body that was followed; must not raise.
+            on_end: is called once with the end of a target that was followed; must not raise.
         """
         self.counts["received"] += 1
         if len(data) > self.settings.most_bytes:
@@ -283,6 +285,9 @@ class Desk:
             for number in [one for one, asked in self._open.items() if one < heard.id and asked.part == WHOLE_BODY]:
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
         asked = self._open.pop(heard.id, None)
+        if asked is None and heard.holds is not None:
+            self._hold(heard, None)
+            return
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
                 last = heard.steps[-1] if heard.steps else None
@@ -306,6 +311,8 @@ class Desk:
             dropped=heard.dropped or None,
             notes=heard.notes or None,
         )
+        if heard.holds is not None:
+            self._hold(heard, asked)
         if part != WHOLE_BODY:
             return
         if told.state in FOLLOWED and asked.intent is not None:
@@ -320,6 +327,25 @@ class Desk:
         if self.following is not None:
             self.following.ended(end)
         self.following = following
+
+    def _hold(self, heard: Heard, asked: Asked | None) -> None:
+        """Take the planner's answer to a target that holds beside the whole body, or a later version of it.
+
+        Args:
+            asked: the message of this gateway that it answers; None: of another sender, or a later version.
+        """
+        if heard.tick is None:
+            return  # never followed
+        one = self.holding.pop(heard.id, None) or Holding(self.sources.get(heard.id, "script"), heard)
+        one = replace(one, heard=heard)
+        if asked is not None:
+            one = replace(one, id=asked.message.id, on_end=asked.on_end)
+        if heard.there is not None:
+            one = one.ended("done")
+        if heard.over is None:
+            self.holding[heard.id] = one
+        else:
+            one.ended("superseded" if heard.over == "let go" else heard.over)
 
     def _match(self, new: list[Event], row: TickRow | None) -> None:
         """Reply to the requests that the loop has taken; to most of them once their effect is known.
@@ -345,6 +371,10 @@ class Desk:
                         self._reply(asked, "accepted", tick=event.tick)
         if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
             self._follow(None, "stopped")
+            if State(int(row.state)) not in _FOLLOWS:
+                holding, self.holding = self.holding, {}
+                for one in holding.values():
+                    one.ended("stopped")
         elif row is not None and self.following is not None and State(int(row.state)) is State.HOLD:
             # It stands, though a target was followed: one that leads to a stand is done, others were given up, such as
             # those of a planner that was started again.
@@ -402,4 +432,4 @@ def _part_of(asked: Intent | None) -> str:
     intent = None if asked is None else part_of_words(asked) or asked
     if not isinstance(intent, PartIntent):
         return WHOLE_BODY
-    return f"relax {intent.part}" if isinstance(intent, Relax) else intent.part
+    return f"{RELAXES}{intent.part}" if isinstance(intent, Relax) else intent.part

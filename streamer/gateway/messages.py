@@ -282,14 +282,15 @@ class Answer(BaseModel):
 
 
 class Ended(BaseModel):
-    """The end of a target for the whole body that was followed; told once, to the connection that it came by.
+    """The end of a target that was followed; told once, to the connection that it came by.
 
     Attributes:
         id, source: of its message; target: its number, as in its answer.
-        end: done: its amount was measured, or the robot has arrived. time limit: that took too long. expired: its time
-            to live is over. superseded: the robot follows another target, or stands for words that it does not
-            understand. stopped: by a stop, a fault, or torque off.
-        done: what the robot did, by its own odometry, in words.
+        end: done: its amount was measured, the robot has arrived, or the part is there. time limit: that took too
+            long. expired: its time to live is over. superseded: the robot follows another target, stands for words that
+            it does not understand, or the part was let go before it was there. stopped: by a stop, a fault, or torque
+            off.
+        done: what the robot did, by its own odometry, or how far the part is from its place, in words.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

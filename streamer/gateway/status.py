@@ -37,6 +37,28 @@ class Followed(BaseModel):
     place: tuple[float, float, float] | None = None
 
 
+class Holds(BaseModel):
+    """A target for a part of the body, or a restriction, that holds beside what the whole body does.
+
+    Attributes:
+        target: its number; source: who sent it; asked: what for.
+        part: arm, head, foot or joint that is at a place of its own, or what is restricted, in the names that `relax`
+            takes.
+        restricts: it is a restriction, and moves nothing.
+        there: of a part, once it is there: what was measured, in words.
+        slowed, moved: as in its answer.
+    """
+
+    target: int
+    source: str
+    asked: str
+    part: str
+    restricts: bool
+    there: str | None
+    slowed: str | None
+    moved: str | None
+
+
 class Status(BaseModel):
     """The run now. Times in seconds, angles in radians, temperatures in °C; null where unknown.
 
@@ -58,6 +80,7 @@ class Status(BaseModel):
         target: number of the newest target that the robot follows; 0: none yet.
         following: the newest target that came over the gateway and was accepted; null after a stop, without torque, and
             where the robot stands still for words that it does not understand.
+        holding: what holds beside it, in order of the targets' numbers.
         operator: who holds the lease.
         counts: of messages, by what became of them.
         stop_port: of the process that takes stops alone.
@@ -87,6 +110,7 @@ class Status(BaseModel):
     missed_deadlines: int | None = None
     target: int | None = None
     following: Followed | None = None
+    holding: tuple[Holds, ...] = ()
     operator: str | None = None
     counts: dict[str, int] = {}
     stop_port: int | None = None
@@ -130,6 +154,19 @@ def status_of(
             end=followed.end,
             place=None if last is None else last.place,
         )
+    known["holding"] = tuple(
+        Holds(
+            target=number,
+            source=one.source,
+            asked=one.heard.asked,
+            part=str(one.heard.heard_as),
+            restricts=one.heard.holds == "restriction",
+            there=one.heard.there,
+            slowed=one.heard.slowed,
+            moved=one.heard.moved,
+        )
+        for number, one in sorted(desk.holding.items())
+    )
     row = desk.row()
     if row is None:
         return Status(loop="silent", **known)

@@ -27,6 +27,13 @@ too late."""
 End = Literal["done", "time limit", "superseded", "stopped"]
 """How a step ended: its amount was measured, its time limit came first, another target or a stop came first."""
 
+Holds = Literal["part", "restriction"]
+"""What holds beside what the whole body does: an arm, the head or a foot at a place of its own, or a restriction."""
+
+Over = Literal["expired", "superseded", "let go", "stopped"]
+"""How what held beside the whole body ended: its time is over, another target took its place, somebody let it go, or a
+stop, a fault or a planner that was started again."""
+
 NOT_DONE: tuple[State, ...] = ("refused", "partly")
 """States in which something that was asked is not done."""
 
@@ -96,6 +103,9 @@ class Heard(BaseModel):
         reason: why it is refused, or stands still.
         notes: what was taken for words that say no number.
         steps: its requests; empty where it is refused.
+        holds: what holds from then on; None: it is for the whole body, or lets something go.
+        there: of a part, once it is there: what was measured, in words.
+        over: how what held ended; None: it holds, or never did.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -115,6 +125,9 @@ class Heard(BaseModel):
     reason: str | None = None
     notes: tuple[str, ...] = ()
     steps: tuple[HeardStep, ...] = ()
+    holds: Holds | None = None
+    there: str | None = None
+    over: Over | None = None
 
     @property
     def failure(self) -> str | None:

@@ -28,6 +28,8 @@ LEAST_DIRECTION = 1e-3
 _WIDEST_RAD = math.pi
 _PLACE_OF = "place of "
 """How the name of the part of a foot's place begins."""
+RELAXES = "relax "
+"""How the name of the part of a `Relax` begins, where targets wait by part."""
 HEAD = "head"
 """Name of the part that looks."""
 

@@ -19,7 +19,7 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.steps import Step
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, Over
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import FootPlace, Relax
@@ -125,16 +125,17 @@ class FootTargets:
             unknown = self._gathers > self._revisions.known(int(row.plan), int(row.pending))
             self.astride = (self.astride or self._held is not None or unknown) and State(int(row.state)) in _STANDS
             # The plan that stops makes no step for it, and none is asked for once the stop is released.
-            self._end(ended, "refused")
+            self._end(ended, "refused", "stopped")
             self._answer_all()
             return
         self._answer(row)
         for part in going:
             if self._held is None or _is_of(self._held.target, part):
                 self._let_feet_go()
+        self._arrive(tick, playing)
         held = self._held
         if held is not None and held.until <= tick:
-            self.give_way(f"its time is over ({held.target.holds_s:g} s)")
+            self.give_way(f"its time is over ({held.target.holds_s:g} s)", over="expired")
         elif travels:
             self.give_way("the robot is to walk")
         elif held is not None and held.goal.side in restrictions.planted:
@@ -159,19 +160,19 @@ class FootTargets:
         for target, _ in self._waiting:
             self._tell(target, "refused", reason)
         self._waiting = []
-        self.give_way(reason)
+        self.give_way(reason, over="stopped")
         self._answer_all()
 
-    def give_way(self, reason: str, state: Fate = "refused") -> None:
+    def give_way(self, reason: str, state: Fate = "refused", over: Over = "superseded") -> None:
         """The one that holds is over: the robot needs its feet, or may not place them.
 
         Args:
-            state: of the answer, where it has none yet.
+            state: of the answer, where it has none yet; over: how it ended, where it has one.
         """
         if self._held is not None:
             self._revisions.change()
             self.astride |= bool(self._weak_leg)
-        self._end(reason, state)
+        self._end(reason, state, over)
 
     def begin_with(self, plan: Plan) -> None:
         """Go on from a plan of another process: feet that it has placed stay as they are."""
@@ -186,11 +187,13 @@ class FootTargets:
             self._revisions.change()
         self.astride = False
 
-    def _end(self, reason: str, state: Fate) -> None:
+    def _end(self, reason: str, state: Fate, over: Over) -> None:
         held, self._held = self._held, None
         if held is None:
             return
-        if not held.answered:
+        if held.answered:
+            self._publish(held.heard.model_copy(update={"over": over}))
+        else:
             self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
         self._on_note(f"over: {held.intent}: {reason}")
 
@@ -283,8 +286,9 @@ class FootTargets:
         due = born + intent.in_s * self._rate
         goal = FootGoal(SIDES.index(intent.side), found.ahead, found.left, found.turn, due)
         words = words_of(intent)
-        heard = Heard(id=target.id, asked=words, state="accepted", heard_as=FOOT_PARTS[intent.side], moved=found.moved)
-        self._supersede()
+        part = FOOT_PARTS[intent.side]
+        heard = Heard(id=target.id, asked=words, state="accepted", heard_as=part, moved=found.moved, holds="part")
+        self._supersede("superseded")
         self.gather()
         until = born + target.holds_s * self._rate
         self._held = _Held(target, intent, goal, until, heard, self._revisions.change())
@@ -300,7 +304,7 @@ class FootTargets:
 
     def _let_feet_go(self) -> None:
         apart = self._held is not None or self.astride
-        self._supersede()
+        self._supersede("let go")
         self.gather()
         if apart:
             self._gathers = self._revisions.newest
@@ -331,6 +335,16 @@ class FootTargets:
 
     # ------------------------------------------------------------------ answers
 
+    def _arrive(self, tick: float, playing: Plan | None) -> None:
+        """Tell that the foot is there: by the plan, a sole is not measured."""
+        held = self._held
+        if held is None or playing is None or held.lands is None or not held.answered or held.heard.there is not None:
+            return
+        row = min(int(tick) - playing.start_tick, len(playing.feet) - 1)
+        if row >= 0 and held.lands <= tick and held.goal.is_there(playing.feet[row]):
+            self._held = replace(held, heard=held.heard.model_copy(update={"there": "landed"}))
+            self._publish(self._held.heard)
+
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
         known = self._revisions.known(int(row.plan), int(row.pending))
@@ -351,14 +365,16 @@ class FootTargets:
             self._publish(heard)
         self._let_go = []
 
-    def _supersede(self) -> None:
+    def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""
         held, self._held = self._held, None
         if held is None:
             return
         self._revisions.change()
         self.astride |= bool(self._weak_leg)
-        if not held.answered:
+        if held.answered:
+            self._publish(held.heard.model_copy(update={"over": over}))
+        else:
             reason = "a newer target for a foot came before a plan followed it"
             self._publish(held.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
 

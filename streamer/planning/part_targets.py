@@ -20,7 +20,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, Over
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
@@ -49,6 +49,8 @@ class _Holding:
     answered: bool = False
     delivered: bool = False
     """Whether a plan has reached the time at which it is due."""
+    there: float = math.inf
+    """Tick at which it is there, by the newest plan."""
 
 
 class PartTargets:
@@ -92,8 +94,7 @@ class PartTargets:
             self.refuse_all(ended)
             return
         self._answer(row)
-        held = [one for one in self._holding if tick < one.goal.until + LONGEST_FADE_S * self._rate]
-        self._holding = held
+        self._follow(row, tick)
         waiting, self._waiting = self._waiting, []
         for target, born_s in waiting:
             if target.too_late(now_s - born_s):
@@ -109,7 +110,9 @@ class PartTargets:
         for target, _ in self._waiting:
             self._tell(target, "refused", reason)
         for one in self._holding:
-            if not one.answered:
+            if one.answered:
+                self._over(one, "stopped")
+            else:
                 self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason}))
         for _, heard in self._relaxed:
             self._publish(heard)
@@ -156,7 +159,7 @@ class PartTargets:
             if one.answered and away is not None:
                 self._publish(heard)  # a later version: the plan that was answered did not reach so far
                 self._on_note(str(heard.told()))
-            self._holding[place] = replace(one, heard=heard, delivered=delivered)
+            self._holding[place] = replace(one, heard=heard, delivered=delivered, there=due)
 
     def begin_with(self, plan: Plan) -> None:
         """Go on from a plan of another process, whose targets are not known: their joints stay where they are."""
@@ -192,22 +195,27 @@ class PartTargets:
         kept = []
         for one in self._holding:
             if np.isin(one.goal.channels, channels).any():
-                self._supersede(one)
+                self._supersede(one, "superseded")
             else:
                 kept.append(one)
         heard = Heard(
-            id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part, moved=solved.moved
+            id=target.id,
+            asked=words_of(target.intent),
+            state="accepted",
+            heard_as=intent.part,
+            moved=solved.moved,
+            holds="part",
         )
         self._holding = [*kept, _Holding(target, intent, goal, due, heard, self._revisions.change())]
 
     def _relax(self, target: Target, intent: Relax) -> None:
         """Let parts go."""
-        gone = [one for one in self._holding if intent.part in ("all", one.heard.heard_as)]
+        gone = [one for one in self._holding if intent.part in ("all", one.intent.part)]
         if not gone and intent.part != "all":
-            held = ", ".join(str(one.heard.heard_as) for one in self._holding) or "none"
+            held = ", ".join(one.intent.part for one in self._holding) or "none"
             raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
         for one in gone:
-            self._supersede(one)
+            self._supersede(one, "let go")
         self._holding = [one for one in self._holding if one not in gone]
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
         self._relaxed.append((self._revisions.change(), heard))
@@ -271,9 +279,9 @@ class PartTargets:
         known = self._revisions.known(int(row.plan), int(row.pending))
         for place, one in enumerate(self._holding):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                self._holding[place] = replace(one, answered=True)
                 at_s = one.heard.tick / self._rate
                 heard = one.heard.model_copy(update={"at_s": at_s})
+                self._holding[place] = replace(one, heard=heard, answered=True)
                 self._publish(heard)
                 if heard.state != "accepted":
                     self._on_note(str(heard.told()))
@@ -281,8 +289,35 @@ class PartTargets:
             self._publish(heard)
         self._relaxed = [one for one in self._relaxed if one[0] > known]
 
-    def _supersede(self, one: _Holding) -> None:
-        if not one.answered:
+    def _follow(self, row: TickRow, tick: float) -> None:
+        """Tell which parts are there, and whose time is over."""
+        held = list[_Holding]()
+        for one in self._holding:
+            if one.answered and one.there <= tick and one.heard.there is None:
+                one = replace(one, heard=one.heard.model_copy(update={"there": self._measured(one, row)}))
+                self._publish(one.heard)
+            if one.goal.until <= tick:
+                one = self._over(one, "expired")
+            if tick < one.goal.until + LONGEST_FADE_S * self._rate:
+                held.append(one)
+        self._holding = held
+
+    def _measured(self, one: _Holding, row: TickRow) -> str:
+        """How far a part is from where it is to be, as measured, in words."""
+        return self._retargeter.solver.measured(one.goal.channels - len(POSTURE), one.goal.angles, np.array(row.q))
+
+    def _over(self, one: _Holding, how: Over) -> _Holding:
+        """A part's target that was followed holds no longer: that is told once."""
+        if not one.answered or one.heard.over is not None:
+            return one
+        heard = one.heard.model_copy(update={"over": how})
+        self._publish(heard)
+        return replace(one, heard=heard)
+
+    def _supersede(self, one: _Holding, how: Over) -> None:
+        if one.answered:
+            self._over(one, how)
+        else:
             reason = "a newer target for this part came before a plan followed it"
             self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
 

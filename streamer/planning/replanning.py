@@ -18,7 +18,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.mirror_source import MirrorSource
@@ -118,6 +118,7 @@ class Replanner:
         self.push = PushWatch(planner.rate, turns)
         self.follows_targets = isinstance(planner.source, LiveSource)
         self._succeeds = self.gave_up = False
+        self._inherited: list[Heard] = []  # answers to what held when a planner died
         self.made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._withheld = -1  # the last target of which steps were not made
         self._checked = 0  # rows of the loop that were read for a more urgent plan
@@ -335,6 +336,8 @@ class Replanner:
         self._succeeds = True
         if self._heard is not None:
             self.ledger.drop_old(self._heard.answered(), "the planner was started again; send it again")
+            answers = merged(heard_since(self._heard.reader()))
+            self._inherited = [one for one in answers if one.holds and one.tick is not None and one.over is None]
 
     def _take_over(self, row: TickRow, tick: int) -> bool:
         """Take over from a planner that died, once the robot stands; returns whether that is done.
@@ -344,6 +347,10 @@ class Replanner:
         run was started with does not begin by itself after a failure, though no plan was made for it yet.
         """
         self.ledger.take(tick)
+        over = [one for one in self._inherited if one.holds == "part" or not (row.plan or row.pending)]
+        self._inherited = [one for one in self._inherited if one not in over]
+        for heard in over:
+            self._publish(heard.model_copy(update={"over": "stopped"}))
         reason = "the planner was started again, and the robot does not stand yet"
         self.ledger.refuse_all(reason)
         self.parts.refuse_all(reason)
@@ -359,7 +366,7 @@ class Replanner:
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
         self.feet.begin_with(plan)
-        self.restrictions.begin_with(offer.ticket.id, plan)
+        self.restrictions.begin_with(offer.ticket.id, plan, self._inherited)
         self._succeeds, self.ledger.halted = False, True
         return True
 

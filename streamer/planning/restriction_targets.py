@@ -20,7 +20,7 @@ from flexmotion.retarget.restrictions import Restrictions
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, Over
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Relax
 from flexmotion.streamer.motion.part_values import require_choice
@@ -55,12 +55,13 @@ class _Inherited:
     Attributes:
         plan: its id.
         binds: feet, columns of joints and limbs that are restricted, by the kind of restriction.
-        words: names of all.
+        words: names of all; heard: the answers to their targets.
     """
 
     plan: int
     binds: Mapping[type[Restriction], frozenset[int]]
     words: str
+    heard: Sequence[Heard]
 
 
 @dataclass(frozen=True)
@@ -145,12 +146,12 @@ class RestrictionTargets:
             return
         self._answer(row)
         if all_go:
-            self._keep([])
+            self._keep([], "let go")
             if self._inherited is not None:
                 self._revisions.change()
         if any(one.until <= tick for one in self._held):
             self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
-            self._keep([one for one in self._held if one.until > tick])
+            self._keep([one for one in self._held if one.until > tick], "expired")
         for target, born_s in waiting:
             if target.too_late(now_s - born_s):
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
@@ -166,11 +167,14 @@ class RestrictionTargets:
             self._tell(target, "refused", reason)
         self._waiting, self._all_go = [], False
 
-    def begin_with(self, number: int, plan: Plan) -> None:
+    def begin_with(self, number: int, plan: Plan, heard: Sequence[Heard] = ()) -> None:
         """Go on from a plan of another process, whose restrictions last as long as the loop plays it.
 
         Its caps of arms and head stay in the loop meanwhile: after a failure none of them gets stronger before somebody
         asks for something.
+
+        Args:
+            number: of the plan; heard: the answers to the targets that it was restricted by.
         """
         names = self._retargeter.robot.joint_names
         joints = np.flatnonzero(np.isfinite(plan.asked_cap)).tolist()
@@ -183,19 +187,21 @@ class RestrictionTargets:
             *(f"{TENSION}{LIMBS[limb].replace('_', ' ')}" for limb in limbs),
         ]
         if not words:
+            self._are_over(heard, "stopped")
             return
         binds: dict[type[Restriction], frozenset[int]] = {
             Contact: frozenset(feet),
             TorqueCap: frozenset(joints),
             Tension: frozenset(limbs),
         }
-        self._inherited = _Inherited(number, binds, ", ".join(words))
+        self._inherited = _Inherited(number, binds, ", ".join(words), heard)
         self._on_note(f"until the next target: {self._inherited.words}: the planner was started again")
 
     def _outlive(self, row: TickRow) -> None:
         """Tell when what was inherited acts no longer: the loop plays another plan, or none."""
         if self._inherited is not None and int(row.plan) != self._inherited.plan:
             self._on_note(f"over: {self._inherited.words}")
+            self._are_over(self._inherited.heard, "stopped")
             self._inherited = None
 
     @property
@@ -272,12 +278,13 @@ class RestrictionTargets:
         kept, displaced = [], list[tuple[_Held, frozenset[int]]]()
         for one in self._held:
             same = isinstance(one.intent, type(intent))
-            kept.append(replace(one, binds=one.binds - binds) if same else one)
+            kept.append(self._less(one, binds) if same else one)
             if same:
                 before_it = ((one, one.binds),) if one.answered else one.displaced
                 displaced += [(older, part & binds) for older, part in before_it]
-        self._keep([one for one in kept if one.binds])
-        heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as=intent.part)
+        self._keep([one for one in kept if one.binds], "superseded")
+        words = words_of(target.intent)
+        heard = Heard(id=target.id, asked=words, state="accepted", heard_as=intent.part, holds="restriction")
         until = born + target.holds_s * self._rate
         revision = self._revisions.change()
         self._held.append(_Held(target, intent, frozenset(binds), born, until, heard, revision, tuple(displaced)))
@@ -326,14 +333,14 @@ class RestrictionTargets:
     def _relax(self, target: Target, intent: Relax) -> None:
         """Let a restriction go: a foot, the torque of the joints of a name, or the tension of a limb."""
         kind, free = self._freed(intent.part)
-        kept = [_without(one, free) if isinstance(one.intent, kind) else one for one in self._held]
+        kept = [self._without(one, free) if isinstance(one.intent, kind) else one for one in self._held]
         last = self._inherited
         ends = last is not None and not free.isdisjoint(last.binds[kind])
         if not ends and all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
             parts = [*(one.intent.part for one in self._held), *([] if last is None else [last.words])]
             held = ", ".join(parts) or "none"
             raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
-        self._keep([one for one in kept if one.binds])
+        self._keep([one for one in kept if one.binds], "let go")
         if ends:  # the next plan knows of nothing that was inherited
             self._revisions.change()
         heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
@@ -358,29 +365,66 @@ class RestrictionTargets:
             for older, part in () if one.answered else one.displaced:
                 if part and older.until > tick:
                     known = found.get(older.target.id, replace(older, binds=frozenset()))
-                    found[older.target.id] = replace(known, binds=known.binds | part)
+                    binds = known.binds | part
+                    heard = older.heard.model_copy(update={"heard_as": self._named(older.intent, binds)})
+                    found[older.target.id] = replace(known, binds=binds, heard=heard)
         return list(found.values())
 
-    def _keep(self, kept: list[_Held]) -> None:
-        """Go on with these; the others are over."""
+    def _keep(self, kept: list[_Held], over: Over) -> None:
+        """Go on with these; the others are over, and how."""
         ids = {one.target.id for one in kept}
         for one in self._held:
-            if one.target.id not in ids and not one.answered:
+            if one.target.id in ids:
+                continue
+            if one.answered:
+                self._are_over([one.heard], over)
+            else:
                 reason = "a newer target came before a plan followed it"
                 self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
         if kept != self._held:
             self._held = kept
             self._revisions.change()
 
+    def _less(self, one: _Held, free: frozenset[int]) -> _Held:
+        """A restriction that no longer holds for some of what it binds; its answer names what is left."""
+        binds = one.binds - free
+        if binds in (one.binds, frozenset()):
+            return replace(one, binds=binds)
+        heard = one.heard.model_copy(update={"heard_as": self._named(one.intent, binds)})
+        if one.answered:
+            self._publish(heard)
+        return replace(one, binds=binds, heard=heard)
+
+    def _without(self, one: _Held, free: frozenset[int]) -> _Held:
+        """The same, where what it has displaced does not hold there either."""
+        displaced = tuple((older, part - free) for older, part in one.displaced)
+        return replace(self._less(one, free), displaced=displaced)
+
+    def _named(self, intent: Restriction, binds: frozenset[int]) -> str:
+        """What a restriction binds, in the names that `Relax` takes."""
+        names = self._retargeter.robot.joint_names
+        match intent:
+            case Contact():
+                return FOOT_PARTS["both"] if len(binds) == 2 else FOOT_PARTS[FEET[min(binds)]]
+            case TorqueCap():
+                return ", ".join(f"{TORQUE}{names[joint]}" for joint in sorted(binds))
+        return ", ".join(f"{TENSION}{LIMBS[limb].replace('_', ' ')}" for limb in sorted(binds))
+
     # ------------------------------------------------------------------ answers
+
+    def _are_over(self, answers: Sequence[Heard], how: Over) -> None:
+        """What held for these answers holds no longer."""
+        for heard in answers:
+            self._publish(heard.model_copy(update={"over": how}))
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
         known = self._revisions.known(int(row.plan), int(row.pending))
         for place, one in enumerate(self._held):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                self._held[place] = replace(one, answered=True, displaced=())
-                self._publish(one.heard.model_copy(update={"at_s": one.heard.tick / self._rate}))
+                heard = one.heard.model_copy(update={"at_s": one.heard.tick / self._rate})
+                self._held[place] = replace(one, heard=heard, answered=True, displaced=())
+                self._publish(heard)
         for _, heard in [one for one in self._let_go if one[0] <= known]:
             self._publish(heard)
         self._let_go = [one for one in self._let_go if one[0] > known]
@@ -390,9 +434,12 @@ class RestrictionTargets:
         ids = {one.target.id for one in kept}
         over = [one for one in self._held if one.target.id not in ids]
         for one in over:
-            if not one.answered:
-                refused = {"state": "refused", "reason": reason, "tick": None}
-                self._publish(one.heard.model_copy(update=refused))
+            ended = {"over": "stopped"} if one.answered else {"state": "refused", "reason": reason, "tick": None}
+            self._publish(one.heard.model_copy(update=ended))
+        known = {one.target.id: one.heard for one in self._held}
+        for one in kept:
+            if one.heard != known.get(one.target.id):
+                self._publish(one.heard)  # what had taken its place was never followed: it holds again
         for _, heard in self._let_go:
             self._publish(heard)
         if over:
@@ -403,9 +450,3 @@ class RestrictionTargets:
 
     def _tell(self, target: Target, state: str, reason: str) -> None:
         tell_unfollowed(target, state, reason, self._publish, self._on_note)
-
-
-def _without(one: _Held, free: frozenset[int]) -> _Held:
-    """A restriction that no longer holds for some of what it binds, nor does what it has displaced there."""
-    displaced = tuple((older, part - free) for older, part in one.displaced)
-    return replace(one, binds=one.binds - free, displaced=displaced)

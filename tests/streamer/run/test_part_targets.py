@@ -70,6 +70,29 @@ def test_a_hand_of_a_robot_that_stands_is_there_in_time_stays_and_comes_back(liv
     assert not live.session.record.ticks.true_self_contact.any()
 
 
+def test_it_is_told_when_a_part_is_there_and_how_what_held_ended(live: Live) -> None:
+    """A program could not wait for a hand, and nobody could see which parts were at places of their own."""
+    first = asked(live, Hand("left", PLACE, in_s=1.0), holds_s=2.0)
+    assert first.holds == "part" and first.there is None and first.over is None
+    live.until(lambda: live.newest[first.id].there, "the hand to be there")
+    assert live.session.state.tick / RATE - float(first.at_s or 0.0) < 1.2
+    off, words = str(live.newest[first.id].there).split(" ", 1)
+    assert float(off) < 1.0 and words == "cm from there" and np.linalg.norm(hand(live) - PLACE) < 0.01
+    live.until(lambda: live.newest[first.id].over, "its time to be over")
+    assert live.newest[first.id].over == "expired"
+
+    look = asked(live, Look((1.0, 0.5, 0.0)))
+    newer = asked(live, Look((1.0, -0.5, 0.0)))
+    assert live.newest[look.id].over == "superseded" and live.newest[newer.id].over is None
+    asked(live, Relax("head"))
+    assert live.newest[newer.id].over == "let go"
+
+    last = asked(live, Hand("right", (0.12, -0.12, 0.05), in_s=1.0))
+    live.session.ask(Request.STOP)
+    live.until(lambda: live.newest[last.id].over, "the stop")
+    assert live.newest[last.id].over == "stopped" and live.newest[last.id].there is None
+
+
 def test_a_hand_replaces_no_walk_and_a_walk_no_hand(live: Live) -> None:
     walks = live.session.send(Velocity(0.3, 0.0, 0.0))
     assert live.until_answered(walks.id).state in ("accepted", "slowed")

@@ -377,6 +377,39 @@ def restarted(capped: Restarted) -> Restarted:
     return capped
 
 
+def test_what_a_restriction_still_binds_is_told_and_how_it_ended(capped: Restarted) -> None:
+    """One foot of two was let go, and the status went on to name both."""
+    both = asked(capped, Contact("both"), FOREVER)
+    assert both.holds == "restriction" and both.heard_as == "both feet"
+    asked(capped, Relax("left foot"))
+    assert (capped.newest[both.id].heard_as, capped.newest[both.id].over) == ("right foot", None)
+    newer = asked(capped, Contact("right"), 1.0)
+    assert capped.newest[both.id].over == "superseded"
+    capped.until(lambda: capped.newest[newer.id].over, "its time to be over")
+    assert capped.newest[newer.id].over == "expired"
+    arms = asked(capped, Tension("both arms", 0.2), FOREVER)
+    capped.session.ask(Request.STOP)
+    go_on(capped, 0.5)
+    assert capped.newest[arms.id].over is None, "a stop ends no restriction"
+    capped.session.ask(Request.DISARM)
+    capped.until_state(State.PARK)
+    go_on(capped, 0.1)
+    assert capped.newest[arms.id].over == "stopped"
+
+
+def test_a_new_planner_tells_how_what_held_ended(capped: Restarted) -> None:
+    cap = max(capped.told.values(), key=lambda one: one.id)
+    look = asked(capped, Look((1.0, 0.5, 0.0)), FOREVER)
+    capped.until_state(State.HOLD)
+    capped.restart()
+    go_on(capped, 0.5)
+    assert capped.newest[look.id].over == "stopped"
+    assert capped.newest[cap.id].over is None, "the loop caps on until the next plan"
+    asked(capped, Look((1.0, 0.0, 0.0)))
+    go_on(capped, 0.3)
+    assert capped.newest[cap.id].over == "stopped"
+
+
 def test_a_new_planner_tells_that_caps_are_over_when_the_loop_has_lifted_them(restarted: Restarted) -> None:
     """They were over for the planner, whose note said so, while the loop capped on until the next plan."""
     assert restarted.notes[-1] == RESTARTED
