@@ -100,7 +100,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "messages": ", ".join([str(received), *(f"{name} {number}" for name, number in counts.items())]),
         **found["ways"],
     }
-    return [f"{name:{_NAME}}{text}" for name, text in rows.items() if text is not None]
+    return [f"{name:{_NAME - 1}} {text}" for name, text in rows.items() if text is not None]
 
 
 def _lies(side: str | None) -> str | None:

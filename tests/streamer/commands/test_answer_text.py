@@ -7,7 +7,7 @@ import math
 from flexmotion.streamer.commands.answer_text import answer_line, status_lines, stop_line
 from flexmotion.streamer.gateway.connection import StopAnswer
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.gateway.status import Followed, Status
+from flexmotion.streamer.gateway.status import Followed, Holds, Status
 from flexmotion.streamer.motion.heard import HeardStep
 
 
@@ -71,6 +71,27 @@ def test_the_status_is_for_a_person_to_read() -> None:
         "messages": "3, accepted 2, refused 1",
         "stop process": "works",
     }
+
+
+def test_the_status_names_what_holds_and_answers_tell_a_step_from_a_foot_that_is_kept_down() -> None:
+    """Both were "heard as left foot", and the status said nothing of either."""
+    kept = Answer(state="accepted", asked="contact", part="left foot", heard_as="left foot")
+    step = Answer(state="accepted", asked="foot", part="place of left foot", heard_as="left foot")
+    words = Answer(state="accepted", asked="text", part="left foot", heard_as="left foot")
+    told = [answer_line(answer) for answer in (kept, step, words)]
+    assert told == [
+        "accepted: left foot kept down",
+        "accepted: a step of the left foot",
+        "accepted: heard as left foot",
+    ]
+    holds = {"target": 3, "source": "a", "restricts": False, "there": None, "slowed": None, "moved": None}
+    hand = Holds.model_validate(holds | {"asked": "left hand to [0.1, 0.1, 0] m in 1 s", "part": "left hand"})
+    foot = Holds.model_validate(holds | {"asked": "keep left foot down", "part": "left foot", "restricts": True})
+    there = hand.model_copy(update={"there": "0.3 cm from there", "part": "right hand"})
+    found = lines(holding=(hand, foot, there))
+    assert found["left hand"] == "left hand to [0.1, 0.1, 0] m in 1 s, of a: on its way"
+    assert found["left foot"] == "keep left foot down, of a: restricts"
+    assert found["right hand"].endswith("of a: there, 0.3 cm from there")
 
 
 def test_a_heading_is_told_within_half_a_turn() -> None:

@@ -23,6 +23,7 @@ from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.part_intents import Hand
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
@@ -59,10 +60,16 @@ class Run:
         return self.inbox.read()
 
     def answer(
-        self, target: int, state: Fate = "accepted", reason: str | None = None, heard: str | None = None
+        self,
+        target: int,
+        state: Fate = "accepted",
+        reason: str | None = None,
+        heard: str | None = None,
+        **holds: Any,
     ) -> None:
         tick = self.tick if state == "accepted" else None
-        self.heard.publish(Heard(id=target, asked="?", state=state, tick=tick, reason=reason, heard_as=heard))
+        answer = Heard(id=target, asked="?", state=state, tick=tick, reason=reason, heard_as=heard, **holds)
+        self.heard.publish(answer)
 
     def take(self, request: Request) -> None:
         """As the loop takes a request."""
@@ -147,6 +154,9 @@ class Answering:
             for target in arrived[-1:]:
                 if self.run.stopped:
                     self.run.answer(target.id, "refused", "a stop is in force")
+                elif isinstance(target.intent, Hand):
+                    self.run.answer(target.id, heard=target.intent.part, holds="part")
+                    self.run.answer(target.id, heard=target.intent.part, holds="part", there="0.3 cm from there")
                 else:
                     self.run.answer(target.id, heard="wave" if isinstance(target.intent, Text) else None)
 

@@ -133,9 +133,11 @@ def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:
     assert [ended.end for ended in ends] == ["stopped"]
 
 
-def test_a_target_that_is_not_followed_and_one_for_a_part_have_no_end(make_office: Make, clock: Clock) -> None:
+def test_a_target_that_is_not_followed_and_one_that_lets_something_go_have_no_end(
+    make_office: Make, clock: Clock
+) -> None:
     office, ends = make_office(), []
-    for message in (WAVE, '{"type":"look","direction":[1,0,0],"ttl_s":2.0}'):
+    for message in (WAVE, '{"type":"relax","part":"head"}'):
         clock.now += 0.1
         office.desk.receive(message.encode(), office.told.append, "a", ends.append)
     words, look = office.run.arrived()
@@ -144,7 +146,74 @@ def test_a_target_that_is_not_followed_and_one_for_a_part_have_no_end(make_offic
     office.desk.pump()
     clock.now += 60.0
     office.desk.pump()
-    assert ends == [] and [answer.part for answer in office.told] == [None, "head"]
+    assert ends == [] and [answer.part for answer in office.told] == [None, "relax head"]
+
+
+def held(office: Any, message: str, heard: str, kind: str = "part") -> tuple[int, list[Ended]]:
+    """Ask for something that holds beside the whole body, and is accepted; see `told_ends`."""
+    ends: list[Ended] = []
+    office.desk.receive(message.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    later(office, number, heard, kind)
+    return number, ends
+
+
+def later(office: Any, number: int, heard: str, kind: str = "part", **known: Any) -> None:
+    """The planner answers, or tells a later version."""
+    office.run.answer(number, heard=heard, holds=kind, **known)
+    office.desk.pump()
+
+
+def holding(office: Any) -> list[tuple[str, bool, str | None]]:
+    """What holds by the status: part, whether it is a restriction, how far a part is from there."""
+    told = status_of(office.desk, "op3", "sim", 125.0, None).holding
+    return [(one.part, one.restricts, one.there) for one in told]
+
+
+def test_the_status_says_what_holds_and_what_could_be_let_go(make_office: Make, clock: Clock) -> None:
+    """A walk was refused for a foot that was kept down, and nothing said so; nor what `relax` would let go."""
+    office = make_office()
+    hand, hand_ends = held(office, HAND % ("left", "h"), "left hand")
+    foot, foot_ends = held(office, '{"type":"contact","foot":"both"}', "both feet", "restriction")
+    assert holding(office) == [("left hand", False, None), ("both feet", True, None)]
+    later(office, hand, "left hand", there="0.3 cm from there")
+    later(office, foot, "right foot", "restriction")
+    assert holding(office) == [("left hand", False, "0.3 cm from there"), ("right foot", True, None)]
+    assert [(ended.id, ended.end, ended.done) for ended in hand_ends] == [("h", "done", "0.3 cm from there")]
+    later(office, hand, "left hand", there="0.3 cm from there", over="let go")
+    assert holding(office) == [("right foot", True, None)] and len(hand_ends) == 1
+    later(office, foot, "right foot", "restriction", over="expired")
+    assert holding(office) == [] and [ended.end for ended in foot_ends] == ["expired"]
+
+
+@pytest.mark.parametrize(
+    ("over", "end"), [("let go", "superseded"), ("superseded", "superseded"), ("stopped", "stopped")]
+)
+def test_a_part_that_never_gets_there_has_another_end(make_office: Make, over: str, end: str) -> None:
+    office = make_office()
+    number, ends = held(office, HAND % ("left", "h"), "left hand")
+    later(office, number, "left hand", over=over)
+    assert [(ended.end, ended.done) for ended in ends] == [(end, None)] and holding(office) == []
+
+
+def test_nothing_holds_without_torque_whatever_a_planner_tells(make_office: Make) -> None:
+    """A planner that has died tells nothing."""
+    office = make_office()
+    _, ends = held(office, '{"type":"torque","joint":"l_el","limit_nm":1}', "torque l_el", "restriction")
+    office.run.state = State.PARK
+    office.run.step()
+    office.desk.pump()
+    assert holding(office) == [] and [ended.end for ended in ends] == ["stopped"]
+
+
+def test_what_a_script_asked_for_is_shown_and_a_gateway_that_begins_later_knows_it(make_office: Make) -> None:
+    office = make_office()
+    later(office, 7, "head")
+    (one,) = status_of(office.desk, "op3", "sim", 125.0, None).holding
+    assert (one.target, one.source, one.part) == (7, "script", "head")
+    anew = make_office()
+    anew.desk.pump()
+    assert holding(anew) == holding(office)
 
 
 def test_a_velocity_holds_for_half_a_second_and_words_until_the_next_target(make_office: Make) -> None:

@@ -119,7 +119,7 @@ def test_a_connection_that_did_not_ask_for_ends_gets_answers_alone(begin: Begin,
     [
         ({"state": "refused", "reason": "a stop is in force"}, "refused: a stop is in force"),
         ({"state": "accepted", "asked": "arm"}, "arm: accepted: it is no target"),
-        ({"state": "accepted", "target": 3, "part": "head"}, "head: the answer says when it is there"),
+        ({"state": "accepted", "target": 3, "part": "relax head"}, "relax head: its answer is its end"),
     ],
 )
 def test_what_has_no_end_is_not_waited_for(fields: dict[str, object], message: str) -> None:
@@ -127,8 +127,24 @@ def test_what_has_no_end_is_not_waited_for(fields: dict[str, object], message: s
         Client().wait(Answer.model_validate(fields))
 
 
+def test_a_program_waits_until_a_hand_is_there(
+    begin: Begin, answering: Answers, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was refused: the hand's answer says when it will be there, and nothing said that it is."""
+    gateway = begin()
+    answering(gateway.requests)
+    with Client(port=gateway.port) as client:
+        ended = client.wait(client.hand("left", 0.12, 0.12, 0.05))
+        assert (ended.end, ended.done) == ("done", "0.3 cm from there")
+    assert (
+        execute(["send", "--hand", "left", ".12", ".12", ".05", "--wait", "--take", "--port", str(gateway.port)]) == 0
+    )
+    told = capsys.readouterr().out
+    assert "accepted: left hand" in told and "done: 0.3 cm from there" in told
+
+
 def test_the_command_refuses_to_wait_for_what_has_no_end(capsys: pytest.CaptureFixture[str]) -> None:
-    assert execute(["send", "--look", "1", "0", "0", "--wait"]) == 2
+    assert execute(["send", "--contact", "left", "--wait"]) == 2
     assert "--wait is that of TEXT" in " ".join(capsys.readouterr().err.split())
 
 
