@@ -40,8 +40,8 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
-    if _lifts_foot(words):
-        return f"{' '.join(words)!r}: no request lifts or puts a foot by itself"
+    if _places_foot(words):
+        return "no words place or lift a foot; a target does: flexmotion send --foot --help"
     if instance := _INSTANCE.search(text):
         return unbounded(instance[0].strip(), None)
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
@@ -52,11 +52,23 @@ def refusal_of(words: list[str]) -> str | None:
     return _walking_refusal(rest, f" {' '.join(rest)} ")
 
 
-def _lifts_foot(words: list[str]) -> bool:
-    """Whether words name nothing but one foot or leg: "first the left foot"."""
+def _places_foot(words: list[str]) -> bool:
+    """Whether words put a foot or a leg somewhere, or name nothing else: "lift both feet", "first the left foot"."""
     known = vocabulary()
     legs = set(known.table["limb_groups"]["leg"])
-    return bool(words) and words[-1] in legs and set(words[:-1]) <= known.words("limb_owners") | known.words("refers")
+    place = next((place for place, word in enumerate(words) if word in legs), None)
+    if place is None:
+        return False
+    before, after = words[:place], words[place + 1 :]
+    verb = stem(before[0]) if before else ""
+    puts = verb == "move" or verb in known.words("puts")
+    owners = set(before[puts:])
+    if not owners <= known.words("limb_owners") | known.words("refers"):
+        return False
+    counted = bool(owners & known.words("lengths_of_feet"))  # "move two feet ahead" is a length
+    if puts:
+        return verb != "move" or not counted
+    return after in ([], ["up"]) or (bool(owners) and not counted)
 
 
 def _unknown_target(words: list[str], text: str) -> str | None:

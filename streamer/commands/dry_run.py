@@ -46,7 +46,8 @@ def dry_run(
     A prompt that says how much ("turn 90 degrees, then wave twice") ends when the robot has done it. Exit code 1 where
     the robot fell or a limit was passed, where a prompt was refused or not done whole (--allow-refused),
     and where the robot did less of the motion than --min-likeness. With --web
-    the robot stands and follows what other programs send, until it is interrupted. The command arms the simulated robot
+    the robot stands and follows what other programs send, until it is interrupted; 3 s after its torque has gone off it
+    is set up again where it began, unless it has fallen and can get up. The command arms the simulated robot
     (--no-arm: it waits, as a real one does with `run --web`). With --mirror it follows a person whose frames come over
     UDP, and stands while nobody is seen.
 

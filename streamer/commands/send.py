@@ -105,8 +105,8 @@ def send(
         bool,
         typer.Option(
             "--wait",
-            help="Wait for its end: done (a hand: there), replaced, stopped, its time over. Without an amount words end "
-            "with the next.",
+            help="Wait for its end: done (a hand: there), replaced, stopped, its time over. Without an amount words "
+            "end with the next.",
         ),
     ] = False,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,

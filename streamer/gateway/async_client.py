@@ -86,7 +86,7 @@ class AsyncClient(Messages, MessageMethods[Coroutine[Any, Any, Answer]]):
             self._waiting.pop(identity, None)
 
     async def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
-        """Wait for the end of a target for the whole body; see `Client.wait`."""
+        """Wait for the end of a target; see `Client.wait`."""
         target = awaited(answer)
         try:
             async with asyncio.timeout(patience_s), self._news:

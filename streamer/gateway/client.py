@@ -90,15 +90,15 @@ class Client(Messages, MessageMethods[Answer]):
             raise self.failed(error) from error
 
     def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
-        """Wait for the end of a target for the whole body: words, a velocity, a heading, a waypoint, a clip.
+        """Wait for the end of a target: words, a velocity, a way, a clip; a hand, an arm, the head, a foot: until there.
 
         Args:
             answer: to it, on this connection.
             patience_s: greatest time [s]; None: as long as it takes. Words without an amount end with the next target.
 
         Raises:
-            GatewayError: the target is not followed, or is for a part of the body; its end did not come in time; the
-                connection was closed.
+            GatewayError: the target is not followed, or lets something go; its end did not come in time; the connection
+                was closed.
         """
         target = awaited(answer)
         due_s = None if patience_s is None else time.monotonic() + patience_s
