@@ -90,7 +90,7 @@ class Client(Messages, MessageMethods[Answer]):
             raise self.failed(error) from error
 
     def wait(self, answer: Answer, *, patience_s: float | None = None) -> Ended:
-        """Wait for the end of a target: words, a velocity, a way, a clip; a hand, an arm, the head, a foot: until there.
+        """Wait for the end of a target; that of a hand, an arm, the head or a foot is that it is there.
 
         Args:
             answer: to it, on this connection.
