@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from flexmotion.evaluation.interval import Interval
+from flexmotion.evaluation.meanings import MEANINGS, meanings_of
 
 Figures = Mapping[str, Interval]
 
@@ -35,13 +36,24 @@ OF_ASKED: dict[str, str] = {
 }
 """Metrics of what was asked, and how they are written."""
 
+_ASKED = (
+    "asked: how well it is kept, in brackets by windows that were not told: distance of joints, error of torques and "
+    "forces, correlation of activations over a window's frames"
+)
+
 
 @dataclass(frozen=True)
 class FigureTable:
-    """A table of text: its headings, and lines with as many cells."""
+    """A table of text.
+
+    Attributes:
+        headings: of the columns; lines: each with as many cells.
+        legend: lines that say what the figures are.
+    """
 
     headings: Sequence[str]
     lines: Sequence[Sequence[str]]
+    legend: Sequence[str] = ()
 
     @property
     def markdown(self) -> str:
@@ -58,14 +70,15 @@ class FigureTable:
             note: what it is of.
         """
         made = f"Made by `{command}` on {datetime.now():%Y-%m-%d}. {note}"
-        path.write_text(f"{made}\n\n{self.markdown}", encoding="utf-8")
+        legend = "".join(f"- {line}\n" for line in self.legend)
+        path.write_text(f"{made}\n\n{self.markdown}\n{legend}", encoding="utf-8")
 
 
 def metric_table(rows: Mapping[str, Figures]) -> FigureTable:
     """One metric a line, one model a column."""
     metrics = dict.fromkeys(metric for row in rows.values() for metric in row)
     lines = [[metric, *(str(row.get(metric, ABSENT)) for row in rows.values())] for metric in metrics]
-    return FigureTable(["metric", *rows], lines)
+    return FigureTable(["metric", *rows], lines, meanings_of(list(metrics)))
 
 
 def condition_table(rows: Mapping[str, Figures | str]) -> FigureTable:
@@ -81,7 +94,9 @@ def condition_table(rows: Mapping[str, Figures | str]) -> FigureTable:
             continue
         figures = (_short(row[metric]) if metric in row else ABSENT for metric in OF_CONDITIONS)
         lines.append([name, "; ".join(_asked(row)) or ABSENT, *figures])
-    return FigureTable(["condition", "asked: kept (untold)", *OF_CONDITIONS.values()], lines)
+    legend = [f"{heading}: {MEANINGS[metric]}" for metric, heading in OF_CONDITIONS.items() if metric in MEANINGS]
+    legend = [_ASKED, *legend, "R top 3: share of sentences whose window is among the nearest 3 of 32"]
+    return FigureTable(["condition", "asked: kept (untold)", *OF_CONDITIONS.values()], lines, legend)
 
 
 def _asked(row: Figures) -> Iterable[str]:
