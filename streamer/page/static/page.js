@@ -4,6 +4,7 @@ import { Asked } from "./asked.js";
 import { Curves } from "./curves.js";
 import { Floor } from "./floor.js";
 import { Hands } from "./hands.js";
+import { Holding } from "./holding.js";
 import { Link } from "./link.js";
 import { nextStep, Panel, whyNot } from "./panel.js";
 import { Restrictions } from "./restrictions.js";
@@ -40,6 +41,7 @@ const link = new Link({
 const asked = new Asked(link);
 const stick = new Stick((message) => asked.steer(message), () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
 new Restrictions(asked);
+const holding = new Holding(element("holding"), asked);
 const panel = new Panel();
 const stops = new Stops(link, () => status.stop_port ?? 8791, (title, text) => panel.show("press", title, text), (message) => panel.tell(message));
 for (const card of document.querySelectorAll(".wide-open")) card.open = matchMedia("(min-width: 900px)").matches;
@@ -141,6 +143,7 @@ function showStatus(now) {
   stops.show(now);
   element("following").textContent = silent || stopped ? "" : doing(now, link.source);
   const other = now.operator && now.operator !== link.source ? now.operator : null;
+  holding.show(now.holding);
   element("operator").textContent = now.operator ? (other ? `operator: ${other}` : "you steer") : "";
   const lease = element("lease");
   lease.hidden = !other;

@@ -66,6 +66,29 @@ def test_feet_are_kept_torques_capped_arms_softened_and_all_is_let_go(run: Stand
     assert page.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"] and not run.problems
 
 
+def test_what_holds_is_listed_and_each_is_let_go_by_itself(run: StandIn) -> None:
+    """A walk was refused for a foot that was kept down long ago, and the page did not show it."""
+    page = run.page
+    assert page.is_hidden("#holding")
+    usual = {"source": "a", "slowed": None, "moved": None, "there": None, "restricts": True}
+    hand = usual | {"target": 3, "asked": "left hand to [0.1, 0.1, 0] m", "part": "left hand", "restricts": False}
+    cap = usual | {"target": 4, "asked": "no more than 2 N·m at knee", "part": "torque l_knee, torque r_knee"}
+    run.status("HOLD", holding=[hand, cap])
+    run.until(lambda: page.is_visible("#holding"), "what holds")
+    lines = page.locator("#holding span").all_text_contents()
+    assert lines == ["left hand to [0.1, 0.1, 0] m · on its way", "no more than 2 N·m at knee"]
+    run.status("HOLD", holding=[hand | {"there": "0.3 cm from there"}, cap])
+    run.until(lambda: "there" in page.locator("#holding span").first.text_content(), "the hand")
+    page.click("#holding li:has-text('left hand') button")
+    assert sent(run, 60) == {"type": "relax", "part": "left hand"}
+    page.click("#holding li:has-text('knee') button")
+    run.until(lambda: len(run.asked) == 2, "both caps")
+    assert [message["part"] for message in run.asked] == ["torque l_knee", "torque r_knee"]
+    run.status("HOLD", holding=[])
+    run.until(lambda: page.is_hidden("#holding"), "nothing holds")
+    assert not run.problems
+
+
 @pytest.mark.parametrize("width", [360, 390, 412])
 def test_the_button_of_a_restriction_is_beside_its_fields(run: StandIn, width: int) -> None:
     """The button "Cap" stood alone on a second line of a phone, and looked like the button of what follows."""
