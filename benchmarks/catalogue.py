@@ -82,6 +82,7 @@ CATALOGUE = (
     Benchmark("robot/sentences", "5 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("robot/hand_targets", "4 min", (), "hand off by 1.5 cm in 20 %, by 4 cm in 5 %; a touch, a fall"),
     Benchmark("robot/foot_targets", "4 min", (), "sole off by 1 cm in 20 %, 2 cm later in 5 %; 4° in 5 %; a fall"),
+    Benchmark("robot/head_places", "3 min", (), "head off by 1.5 cm in 20 %, by 4 cm in 5 %; a touch, a fall"),
     Benchmark(
         "robot/tension", "4 min", (), "presses .8 of stiff arms or more, impact above 1.1; tracking above 1°; a fall"
     ),

@@ -147,6 +147,8 @@ class Robot:
         if self.config.hands is not None:
             self._body("hands.left.body", self.config.hands.left.body)
             self._body("hands.right.body", self.config.hands.right.body)
+        if self.config.head is not None:
+            self._body("head.body", self.config.head.body)
         self.get_up = read_get_up(self)
 
     def __repr__(self) -> str:

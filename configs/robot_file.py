@@ -95,6 +95,13 @@ class Hands(Strict):
     right: Hand
 
 
+class HeadPoint(Strict):
+    """A body that the neck carries, or the torso, and the point in its frame that places of the head refer to [m]."""
+
+    body: Name
+    point: Vector
+
+
 class Imu(Strict):
     """The inertial measurement unit.
 
@@ -270,6 +277,7 @@ class RobotFile(Strict):
         version: of the file format; a file without this field has version 1.
         least_stiffness: least share of their stiffness with which arms and head follow: where the human's limb is not
             tense, or a tension of 0 is asked; 1: they always have all of it (`benchmarks/robot/tension.py`).
+        head: None: the head of this robot cannot be asked to be at a place.
     """
 
     version: int = 1
@@ -283,6 +291,7 @@ class RobotFile(Strict):
     joints: list[JointConfig] = Field(min_length=1)
     feet: Feet
     hands: Hands | None = None
+    head: HeadPoint | None = None
     mapping: Mapping
     stand_pose: dict[str, float]
     rest_pose: dict[str, float]

@@ -39,6 +39,7 @@ class TrunkBend:
     Attributes:
         heights: of the hips over the ankles, ascending, (H,) [m].
         balanced: least and greatest pitch that balance and joint limits allow at each, (H, 2) [rad].
+        limit: greatest tilt of a plan, in any direction [rad].
     """
 
     def __init__(self, robot: Robot, body: WholeBody) -> None:
@@ -46,7 +47,7 @@ class TrunkBend:
         self.balanced = np.array(
             [[self._most(robot, body, height, sign) for sign in (-1.0, 1.0)] for height in self.heights]
         )
-        self._limit = robot.safety.fall_tilt - _FALL_MARGIN
+        self.limit = robot.safety.fall_tilt - _FALL_MARGIN
 
     def _most(self, robot: Robot, body: WholeBody, height: float, sign: float) -> float:
         """Greatest pitch to one side at one height of the hips [rad]: by bisection, as deeper is harder."""
@@ -67,4 +68,4 @@ class TrunkBend:
     def bounds(self, height: Float) -> tuple[Float, Float]:
         """Least and greatest pitch for plans at hip heights (T,) [m], (T,) and (T,) [rad]."""
         least, greatest = (np.interp(height, self.heights, side) for side in self.balanced.T)
-        return np.maximum(least, -self._limit), np.minimum(greatest, self._limit)
+        return np.maximum(least, -self.limit), np.minimum(greatest, self.limit)

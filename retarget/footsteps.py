@@ -53,6 +53,7 @@ class FeetState:
         planted: feet that are to stay where they are, 0 left, 1 right; while there is one no human's step is made.
         placed: where a foot is to be; while there is such a place its step is the only one that is made.
         astride: the feet stay as they have landed, though no human is followed.
+        upright: tick before which no foot lifts: hips and trunk are on their way back from a place of their own.
     """
 
     feet: Float
@@ -64,6 +65,7 @@ class FeetState:
     planted: frozenset[int] = frozenset()
     placed: FootGoal | None = None
     astride: bool = False
+    upright: int = 0
 
 
 class FootstepPlanner:
@@ -166,7 +168,7 @@ class FootstepPlanner:
         if start.placed is not None:
             begun = replace(start, settled=steps)
             return self._to_place(begun, start.placed, after, after + self.timing.ticks(self.sight_s), longer)
-        return self.gather(steps, start.feet, after, longer, start.planted)
+        return self.gather(steps, start.feet, max(after, start.upright), longer, start.planted)
 
     def gather(
         self,
@@ -358,7 +360,7 @@ class _Sequence:
         self.timing, self.longer = timing, longer
         self.steps: list[Step] = []
         self.feet, self.human_feet, self.consumed = start.feet.copy(), start.human_feet.copy(), start.consumed.copy()
-        self.free = np.maximum(start.free, earliest)
+        self.free = np.maximum(start.free, max(earliest, start.upright))
         self.landed = float(start.free.min()) - timing.pause
         for step in start.settled:
             self.add(step)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import RetargetError
 from flexmotion.retarget.smoothing import Follower
 from flexmotion.retarget.state import RetargetState
+from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.spatial.transitions import minimum_jerk
 
 Float = NDArray[np.float64]
@@ -39,18 +40,26 @@ _RISES = np.linspace(0.5, 0.2, 7)
 slower at its fastest."""
 
 
+_TRUNK = slice(0, len(POSTURE))
+_HALTED = -1.0
+"""Number of the path of a trunk that a stop has ended."""
+_HALT_S = 0.2
+"""Time in which it comes to rest [s]: from .22 m/s and 1.3 rad/s, the fastest, with 1.7 m/s² and 10 rad/s²."""
+
+
 @dataclass(frozen=True)
 class PartGoal:
-    """Where some joints of arms and head are to be.
+    """Where some joints of arms and head are to be, or the trunk's posture.
 
     Attributes:
-        number: of the goal, above 0; plans that are given the same number go on with the same path.
+        number: of the goal, above 0; plans that are given the same number and angles go on with the same path.
         channels: of the filter, (K,).
         angles: there [rad], (K,).
         due: tick at which they are reached, or as soon after it as speed and acceleration allow.
         until: tick until which they are held; infinite: until it is no goal any more.
         acceleration: bounds on the way there below those of the filter, as of a joint whose torque is capped, (K,)
             [rad/s²]; None: those of the filter.
+        least_s, back_s: least time of the way there, and of the way back [s].
 
     Raises:
         RetargetError: a value is not a number, or there is not one angle for each channel.
@@ -62,6 +71,8 @@ class PartGoal:
     due: float
     until: float
     acceleration: Float | None = None
+    least_s: float = 0.0
+    back_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.angles.shape != self.channels.shape or not np.isfinite(self.angles).all():
@@ -78,18 +89,21 @@ class PartGoal:
 
 @dataclass(frozen=True)
 class PartGoals:
-    """What arms and head are to do.
+    """What arms, head and trunk are to do.
 
     Attributes:
         goals: that hold; no channel is in two of them. Joints of others go back.
-        ended: a stop has ended the goals up to this number: their joints stay where they are.
+        ended: a stop has ended the goals up to this number: their joints of arms and head stay where they are.
+        halts: a stop has ended a goal of the trunk, which stays where that has met it. It would else go on to the stand
+            pose, as every stop that is no path does.
     """
 
     goals: Sequence[PartGoal] = ()
     ended: float = 0.0
+    halts: bool = False
 
 
-NO_PARTS, STOPPED_PARTS = PartGoals(), PartGoals(ended=np.inf)
+NO_PARTS, STOPPED_PARTS = PartGoals(), PartGoals(ended=np.inf, halts=True)
 
 
 class PartPaths:
@@ -113,29 +127,48 @@ class PartPaths:
             tick: at which the plan begins.
         """
         ended = state.part <= parts.ended
+        ended[_TRUNK] = False
         state.part[ended], state.part_until[ended] = 0.0, -np.inf
         goals = parts.goals
-        gone = (state.part > 0) & ~np.isin(state.part, [goal.number for goal in goals])
+        if parts.halts:
+            self._halt(state, tick)
+        kept = [goal.number for goal in goals] + ([_HALTED] if parts.halts else [])
+        gone = (state.part != 0) & ~np.isin(state.part, kept)
         state.part_until[gone] = np.minimum(state.part_until[gone], tick)
         for goal in goals:
             own = goal.channels
-            if (state.part[own] == goal.number).all():
+            if (state.part[own] == goal.number).all() and (state.part_to[own] == goal.angles).all():
                 continue
             begin, speed = state.position[own], state.velocity[own]
             state.part_bound[own] = np.inf if goal.acceleration is None else goal.acceleration
             bound = np.minimum(self._follower.acceleration, state.part_bound)[own]
-            ticks = self._ticks(own, begin, speed, goal.angles, goal.due - tick, bound)
+            asked = max(goal.due - tick, goal.least_s * self._rate)
+            ticks = self._ticks(own, begin, speed, goal.angles, asked, bound)
             state.part[own] = goal.number
             state.part_from[own], state.part_speed[own], state.part_to[own] = begin, speed, goal.angles
             state.part_begins[own], state.part_due[own] = tick, tick + ticks
-            state.part_until[own] = max(goal.until, tick + ticks)
+            state.part_until[own], state.part_back[own] = max(goal.until, tick + ticks), goal.back_s
+
+    def _halt(self, state: RetargetState, tick: int) -> None:
+        """Bring a trunk that follows a path to rest, and let it stay there; one that is nearly there arrives."""
+        own = np.arange(len(POSTURE))
+        rests = (state.part[own] == _HALTED) & np.isposinf(state.part_until[own])
+        if rests.all() or not self.led(state, tick)[own].all():
+            return
+        coming = 0.0 <= float(state.part_due[0]) - tick < _HALT_S * self._rate
+        state.part[own], state.part_until[own] = _HALTED, np.inf
+        if coming:
+            return
+        state.part_from[own], state.part_speed[own] = state.position[own], state.velocity[own]
+        state.part_to[own] = state.position[own] + 0.5 * _HALT_S * state.velocity[own]
+        state.part_begins[own], state.part_due[own] = tick, tick + _HALT_S * self._rate
 
     def lead(self, state: RetargetState, targets: Float, tick: int, *, stands: bool) -> Float:
         """Targets of the filter with the channels that follow a path replaced, (T, C).
 
         Args:
             targets: of the filter from `tick` on, (T, C).
-            stands: no human is followed: channels go back to the stand pose.
+            stands: no human is followed: arms and head go back to the stand pose.
         """
         ticks = tick + np.arange(len(targets), dtype=float)
         led = np.flatnonzero(self.led(state, tick))
@@ -144,7 +177,7 @@ class PartPaths:
         fades, targets = self._fades(state), targets.copy()
         for channel in map(int, led):
             back = minimum_jerk((ticks - state.part_until[channel]) / fades[channel])
-            base = self._rest[channel] if stands else targets[:, channel]
+            base = self._rest[channel] if stands and channel >= len(POSTURE) else targets[:, channel]
             targets[:, channel] = (1.0 - back) * self._path(state, channel, ticks) + back * base
         return targets
 
@@ -159,7 +192,14 @@ class PartPaths:
         settle = _SETTLE_S * self._rate
         coming = tick < state.part_due + settle
         going = (tick + settle >= state.part_until) & (tick < state.part_until + self._fades(state) + settle)
-        return bool(((state.part > 0) & (coming | going)).any())
+        return bool(((state.part != 0) & (coming | going)).any())
+
+    def upright(self, state: RetargetState, tick: float) -> float:
+        """Tick from which hips and trunk follow no path of their own: infinite while they hold a place."""
+        if not self.led(state, tick)[0]:
+            return -np.inf
+        until = float(state.part_until[0])
+        return np.inf if until > tick else until + float(self._fades(state)[0])
 
     def _fades(self, state: RetargetState) -> Float:
         """Ticks in which each channel goes back, (C,): by minimum jerk to the stand pose within the bounds.
@@ -167,11 +207,13 @@ class PartPaths:
         The greatest speed of such a way is 15/8 of its mean, the greatest acceleration 10/√3 of way over time squared.
         """
         way = np.abs(state.part_to - self._rest)
+        way[POSTURE.index("yaw")] = 0.0  # it is that of the feet, on the way there and back
         seconds = np.maximum(
             (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
             np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * np.minimum(self._follower.acceleration, state.part_bound))),
         )
-        for number in np.unique(state.part[state.part > 0]):
+        seconds = np.maximum(seconds, state.part_back)
+        for number in np.unique(state.part[state.part != 0]):
             own = state.part == number
             seconds[own] = seconds[own].max()
         return np.clip(seconds, FADE_S, LONGEST_FADE_S - _SETTLE_S) * self._rate
@@ -184,7 +226,7 @@ class PartPaths:
         rise, _ = self._rises(np.array([channel]), np.array([way]), np.array([speed]), seconds)
         # From the row before the first one on; a row's place is that at its end.
         line = np.concatenate([ticks[:1] - 1.0, ticks[:1], ticks + 1.0])
-        places = state.part_from[channel] + _places((line - begins) / (due - begins), way, speed, float(rise[0]))
+        places = state.part_from[channel] + path_places((line - begins) / (due - begins), way, speed, float(rise[0]))
         return self._follower.passing(places, channel)
 
     def _ticks(
@@ -225,11 +267,11 @@ class PartPaths:
 
 
 def _top(way: Any, speed: Any, rise: Any) -> Any:
-    """The speed between rise and fall, for which the path ends at `way`; arguments of `_places`."""
+    """The speed between rise and fall, for which the path ends at `way`; arguments of `path_places`."""
     return (way - 0.5 * rise * speed) / (1.0 - rise)
 
 
-def _places(share: Float, way: float, speed: float, rise: float) -> Float:
+def path_places(share: Float, way: float, speed: float, rise: float) -> Float:
     """Places on a path that takes a time of 1: from 0, at a speed, to `way`, at rest, (T,).
 
     Its speed changes by a smoothstep to another, stays, and falls by a smoothstep.

@@ -30,6 +30,7 @@ from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, Judged, changeable, effort
 from flexmotion.retarget.foot_places import FootPlaces
 from flexmotion.retarget.footsteps import FootstepPlanner
+from flexmotion.retarget.head_places import HeadPlaces
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
 from flexmotion.retarget.part_solver import PartSolver
@@ -78,9 +79,8 @@ class Retargeter:
         self.follower = posture.follower(robot, self.body)
         first = len(POSTURE)
         self.guard = ArmGuard(robot, self.body.upper.chain, first, float(self.follower.omega[first]))
-        self.parts = PartPaths(
-            self.follower, np.concatenate([np.zeros(first), robot.stand_pose[self.body.upper.joints]])
-        )
+        self.parts = PartPaths(self.follower, self._upright(self.gait.stand_hip_height))
+        self.head_places = HeadPlaces(robot, self.body, self.bend)
         self.solver = PartSolver(robot, self.body.upper, self.guard.distance)
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
@@ -262,6 +262,7 @@ class Retargeter:
         vector = state.copy()
         now = self.layout.view(vector)
         self.parts.update(now, parts, tick)
+        now.upright[...] = self.parts.upright(now, tick)
         now.planted[...] = [side in restrictions.planted for side in (0, 1)]
         now.placed[...] = -1.0 if restrictions.placed is None else astuple(restrictions.placed)
         now.astride[...] = restrictions.astride

@@ -78,6 +78,11 @@ class RetargetState(Record):
     """Tick until which it holds."""
     part_bound: Float = column("f8", "channels")
     """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
+    part_back: Float = column("f8", "channels")
+    """Least time of the way back [s]."""
+    upright: Float = column("f8")
+    """Tick before which no foot lifts, because hips and trunk are at a place of their own, or on their way back;
+    infinite while that holds, -infinite where they follow none."""
     planted: Float = column("f8", 2)
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
     tension: Float = column("f8", len(LIMBS))
@@ -128,5 +133,6 @@ class StateLayout:
         state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
         state.placed[...] = -1.0
+        state.upright[...] = -np.inf
         state.drift[...] = state.asked_tension[...] = np.nan
         return vector

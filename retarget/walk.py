@@ -157,7 +157,8 @@ class WalkPlanner:
         landed = float(state.landed)
         feet = state.feet.copy()
         feet[:, 2] = 0.0
-        placed = float(state.placed[0])
+        placed, upright = float(state.placed[0]), float(state.upright)
+        planted = frozenset((0, 1)) if np.isposinf(upright) else frozenset(map(int, np.flatnonzero(state.planted)))
         return FeetState(
             feet=feet,
             human_feet=state.human_feet,
@@ -165,9 +166,10 @@ class WalkPlanner:
             free=self.footsteps.timing.free(1 - int(state.stance), landed),
             settled=state.steps.steps(),
             at_rest=tick > landed + _AT_REST_S * self.rate,
-            planted=frozenset(map(int, np.flatnonzero(state.planted))),
+            planted=planted,
             placed=None if placed < 0 else FootGoal(int(placed), *map(float, state.placed[1:])),
             astride=bool(state.astride),
+            upright=int(np.ceil(upright)) if np.isfinite(upright) else 0,
         )
 
     def _lay_out(self, state: RetargetState, steps: list[Step], tick: int, view: HumanView | None) -> Walk:
@@ -176,7 +178,8 @@ class WalkPlanner:
         last = max([tick + follow, *[step.land for step in steps]])
         ticks = tick + np.arange(last - tick + int(round(_STOP_S * self.rate)), dtype=float)
         quiet = np.full(len(ticks), 0.5)
-        if view is not None:
+        # A head that is to be at a place sways with no human.
+        if view is not None and tick >= float(state.upright):
             quiet = posture.quiet_share(view.window, view.seconds(ticks[:follow]), len(ticks), SHIFT_S * self.rate)
         schedule = Schedule.of(
             state.feet,

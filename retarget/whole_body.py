@@ -78,7 +78,7 @@ class WholeBody:
         return height
 
     def solve(
-        self, feet: Float, com: Float, channels: Float, offset: Float, passes: int = 2
+        self, feet: Float, com: Float, channels: Float, offset: Float, passes: int = 2, *, smooth: bool = True
     ) -> tuple[Float, Float, Float, Float]:
         """Torso poses and joints that place the true centre of mass over `com`.
 
@@ -87,9 +87,10 @@ class WholeBody:
 
         Args:
             feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad]; com: (T, 2) [m].
-            channels: posture, then upper-body joints, (T, 4 + U) [m, rad]; smooth over the rows.
+            channels: posture, then upper-body joints, (T, 4 + U) [m, rad].
             offset: first guess of centre of mass minus torso, (2,) or (T, 2) [m].
             passes: number of Newton steps.
+            smooth: the rows are those of a motion; else each one is solved by itself, which takes longer.
 
         Returns:
             Torso position and quaternion w x y z, (T, 7), joint angles (T, n) [rad], centre of mass minus torso
@@ -104,7 +105,7 @@ class WholeBody:
         torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
         soles = yaw_matrices(feet[:, :, 3].ravel()).reshape(-1, 2, 3, 3)
         base = np.column_stack([torso, quaternion])
-        rows = np.unique(np.append(np.arange(0, len(feet), _STRIDE), len(feet) - 1))
+        rows = np.unique(np.append(np.arange(0, len(feet), _STRIDE if smooth else 1), len(feet) - 1))
         offset = np.broadcast_to(offset, (len(feet), 2))[rows]
         some_base, some_q, some = base[rows], q[rows], (rotation[rows], feet[rows], soles[rows], com[rows])
         for _ in range(passes):

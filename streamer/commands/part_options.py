@@ -33,6 +33,16 @@ class PartOptions:
             show_default=False,
         ),
     ] = None
+    head: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--head",
+            metavar="X Y Z",
+            help="Bring the head there by hips and trunk: ahead, left of the middle between the soles, up from the "
+            "floor \\[m]; nan for X or Y: wherever the height leads.",
+            show_default=False,
+        ),
+    ] = None
     point: Annotated[
         tuple[str, float, float, float] | None,
         typer.Option(
@@ -81,8 +91,8 @@ class PartOptions:
         typer.Option(
             "--relax",
             metavar="PART",
-            help='Let a part go: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", '
-            '"both feet", "torque NAME", "tension LIMB", or all.',
+            help='Let a part go: "left hand", "right hand", "head", "head place", "joint NAME", "left foot", '
+            '"right foot", "both feet", "torque NAME", "tension LIMB", or all.',
             show_default=False,
         ),
     ] = None
@@ -93,7 +103,7 @@ class PartOptions:
             min=0.0,
             max=_IN_S_MOST,
             help="The part is there after so many seconds.",
-            show_default="0.5, a foot: 1",
+            show_default="0.5, a foot or --head: 1",
         ),
     ] = None
 
@@ -103,6 +113,7 @@ class PartOptions:
         return {
             "--hand": self.hand,
             "--foot": self.foot,
+            "--head": self.head,
             "--point": self.point,
             "--look": self.look,
             "--joint": self.joint,
@@ -116,7 +127,7 @@ class PartOptions:
         """The fields of the message of the one that is given; those that are None are left out when it is sent.
 
         Args:
-            tolerance_m: of the place of a hand or a foot [m].
+            tolerance_m: of the place of a hand, a foot or the head [m].
             heading: of a foot [rad].
         """
         if self.hand is not None:
@@ -126,6 +137,10 @@ class PartOptions:
             side, *place = self.foot
             fields = {"side": side, "position_m": place, "heading_rad": heading, "tolerance_m": tolerance_m}
             return {"type": "foot", **fields, "in_s": self.in_s}
+        if self.head is not None:
+            *floor, height = self.head
+            place = [*(None if math.isnan(value) else value for value in floor), height]
+            return {"type": "head", "position_m": place, "tolerance_m": tolerance_m, "in_s": self.in_s}
         if self.point is not None:
             side, *direction = self.point
             return {"type": "point", "side": side, "direction": direction, "in_s": self.in_s}

@@ -68,8 +68,8 @@ def send(
         typer.Option(
             "--tolerance",
             metavar="M",
-            help="How near a waypoint, a hand or a foot is near enough \\[m].",
-            show_default="0.1, a hand or a foot: 0.05",
+            help="How near a waypoint, a hand, a foot or the head is near enough \\[m].",
+            show_default="0.1 of a waypoint, else 0.05",
         ),
     ] = None,
     turning: Annotated[
@@ -117,10 +117,10 @@ def send(
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
     robot has arrived, by its own odometry. A hand, an arm that points, the head and a joint go there whatever the rest
-    of the body does, and back to it after --for, or 10 s. A foot makes a step there, where the robot stands, likewise.
-    A foot that is kept on the ground, a torque that is capped
-    and a tension hold until they are relaxed, or for --for. While a joint is limp the robot stands and follows no
-    target.
+    of the body does, and back to it after --for, or 10 s. A foot makes a step there, where the robot stands, likewise;
+    the head is brought to a place by hips and trunk over feet that stand. A foot that is kept on the ground, a torque
+    that is capped and a tension hold until they are relaxed, or for --for. While a joint is limp the robot stands and
+    follows no target.
 
     [bold]Examples[/bold]
 
@@ -137,6 +137,8 @@ def send(
       flexmotion send --hand right .15 -.1 .2 --in 1
 
       flexmotion send --foot left .06 .1 --in 1
+
+      flexmotion send --head .02 0 .38 --for 5
 
       flexmotion send --look 1 .5 .2 --for 5
 
@@ -166,12 +168,12 @@ def send(
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) != 1:
         raise typer.BadParameter(f"expected one of {', '.join(given)}; found {' and '.join(chosen) or 'none'}")
-    if tolerance is not None and waypoint is None and part.hand is None and part.foot is None:
-        raise typer.BadParameter("--tolerance is that of a --waypoint, a --hand or a --foot")
+    if tolerance is not None and not {"--waypoint", "--hand", "--foot", "--head"} & set(chosen):
+        raise typer.BadParameter("--tolerance is that of a --waypoint, --hand, --foot or --head")
     given_parts = {name for name, value in part.given.items() if value is not None}
     moved = given_parts - {"--relax", "--contact", "--torque", "--tension"}
     if part.in_s is not None and not moved:
-        raise typer.BadParameter("--in is that of a --hand, --foot, --point, --look or --joint")
+        raise typer.BadParameter("--in is that of a --hand, --foot, --head, --point, --look or --joint")
     if wait and chosen[0] not in _ENDING:
         raise typer.BadParameter(f"--wait is that of {', '.join(_ENDING)}: nothing else ends by itself")
     if turning is not None and turn is None:

@@ -78,6 +78,22 @@ class MessageMethods(ABC, Generic[Told]):
             _of_part("foot", in_s, ttl_s, side=side, position_m=[x, y], heading_rad=heading, tolerance_m=tolerance_m)
         )
 
+    def head(
+        self,
+        x: float | None,
+        y: float | None,
+        z: float,
+        *,
+        in_s: float | None = None,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Told:
+        """Bring the head to a place from the middle between both soles [m], by hips and trunk; see `HeadMessage`.
+
+        None for x or y: wherever the height leads. Not where it looks: that is `look`.
+        """
+        return self.ask(_of_part("head", in_s, ttl_s, position_m=[x, y, z], tolerance_m=tolerance_m))
+
     def point(
         self, side: Side, x: float, y: float, z: float, *, in_s: float | None = None, ttl_s: float | None = None
     ) -> Told:

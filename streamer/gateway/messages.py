@@ -21,6 +21,7 @@ from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
 from flexmotion.streamer.gateway.part_messages import (
     FootMessage,
     HandMessage,
+    HeadMessage,
     JointMessage,
     LookMessage,
     PointMessage,
@@ -201,6 +202,7 @@ Message = (
     | WaypointMessage
     | HandMessage
     | FootMessage
+    | HeadMessage
     | PointMessage
     | LookMessage
     | JointMessage
@@ -356,7 +358,9 @@ def intent_of(message: Message) -> Intent | None:
             return Waypoint(x, y, heading, tolerance)
         case HoldMessage():
             return Stop()
-        case HandMessage() | FootMessage() | PointMessage() | LookMessage() | JointMessage() | RelaxMessage():
+        case HandMessage() | FootMessage() | HeadMessage() | PointMessage() | LookMessage() | JointMessage():
+            return part_intent_of(message)
+        case RelaxMessage():
             return part_intent_of(message)
         case ContactMessage() | TorqueMessage() | TensionMessage():
             return restriction_of(message)

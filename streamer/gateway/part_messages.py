@@ -1,7 +1,8 @@
 """Messages about one part of the body, arms, head and feet; the rest goes on with what it does.
 
 Places and directions of arms and head are seen from the robot's trunk: origin and axes of the robot file's `torso`
-body, x forward, y left, z up along the trunk; the place of a foot is seen from the other one. A part is let go when its
+body, x forward, y left, z up along the trunk; the place of a foot is seen from the other one, that of the head from the
+middle between both. A part is let go when its
 time to live is over; without one it is held for `part_holds_s` of the stream settings.
 """
 
@@ -23,6 +24,7 @@ from flexmotion.streamer.motion.part_intents import (
     LONGEST_S,
     FootPlace,
     Hand,
+    HeadPlace,
     JointAngle,
     Look,
     PartIntent,
@@ -35,7 +37,7 @@ from flexmotion.streamer.motion.restriction_intents import TENSION, TENSION_LIMB
 _Coordinate = Annotated[float, Field(ge=-FARTHEST_HAND_M, le=FARTHEST_HAND_M)]
 _OnFloor = Annotated[float, Field(ge=-FARTHEST_FOOT_M, le=FARTHEST_FOOT_M)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
-_PARTS = "all|left hand|right hand|head|left foot|right foot|both feet"
+_PARTS = "all|left hand|right hand|head|head place|left foot|right foot|both feet"
 _NAMED = rf"joint [\w./-]{{1,64}}|torque {NAMED_JOINT}|{TENSION}({'|'.join(TENSION_LIMBS)})"
 _PART_WORDS = Wording(
     ", ".join((*_PARTS.split("|"), "joint NAME", "torque NAME", *(f"{TENSION}{limb}" for limb in TENSION_LIMBS)))
@@ -96,6 +98,21 @@ class FootMessage(PartMessage):
     tolerance_rad: _Angle = 0.1
 
 
+class HeadMessage(PartMessage):
+    """Bring the head to a place by hips and trunk while both feet stand, and hold it there.
+
+    Attributes:
+        position_m: x, y, z of the head's point from the middle between both soles on the floor: x as the feet point, y
+            left, z up [m]. null for x or y: wherever the height leads.
+        tolerance_m: a place out of reach is replaced by the nearest one within this distance; else it is refused [m].
+    """
+
+    type: Literal["head"] = "head"
+    position_m: tuple[_Coordinate | None, _Coordinate | None, _Coordinate]
+    in_s: _InS = 1.0
+    tolerance_m: Annotated[float, Field(ge=0.0, le=FARTHEST_HAND_M)] = 0.05
+
+
 class _DirectedMessage(PartMessage):
     """The fields of a message with a direction.
 
@@ -153,15 +170,15 @@ class RelaxMessage(MessageBase):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME",
-            "tension LIMB"; "all": every part that is asked for something.
+        part: "left hand", "right hand", "head", "head place", "joint NAME", "left foot", "right foot", "both feet",
+            "torque NAME", "tension LIMB"; "all": every part that is asked for something.
     """
 
     type: Literal["relax"] = "relax"
     part: Annotated[str, StringConstraints(pattern=rf"^({_PARTS}|{_NAMED})$"), _PART_WORDS] = "all"
 
 
-PartMessages = HandMessage | FootMessage | PointMessage | LookMessage | JointMessage | RelaxMessage
+PartMessages = HandMessage | FootMessage | HeadMessage | PointMessage | LookMessage | JointMessage | RelaxMessage
 
 
 def part_intent_of(message: PartMessages) -> PartIntent:
@@ -171,6 +188,8 @@ def part_intent_of(message: PartMessages) -> PartIntent:
             return Hand(side, place, in_s, tolerance)
         case FootMessage(side=side, position_m=floor, heading_rad=heading, in_s=in_s):
             return FootPlace(side, floor, heading, in_s, message.tolerance_m, message.tolerance_rad)
+        case HeadMessage(position_m=head, in_s=in_s, tolerance_m=tolerance):
+            return HeadPlace(head, in_s, tolerance)
         case PointMessage(side=side, direction=direction, in_s=in_s, tolerance_rad=tolerance):
             return Point(side, direction, in_s, tolerance)
         case LookMessage(direction=direction, in_s=in_s, tolerance_rad=tolerance):

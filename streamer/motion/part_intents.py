@@ -2,7 +2,7 @@
 
 Places and directions of arms and head are seen from the robot's trunk: origin and axes of the robot file's `torso`
 body, x forward, y left, z up along the trunk. A hand that is held there goes with the robot where it walks. The place
-of a foot is seen from the other foot, which stands.
+of a foot is seen from the other foot, which stands, that of the head from the middle between both soles.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ _PLACE_OF = "place of "
 """How the name of the part of a foot's place begins."""
 RELAXES = "relax "
 """How the name of the part of a `Relax` begins, where targets wait by part."""
-HEAD = "head"
-"""Name of the part that looks."""
+HEAD, HEAD_PLACE = "head", "head place"
+"""Names of the part that looks, and of that which is at a place: each may be asked for without the other."""
 
 Vector = tuple[float, float, float]
+HeadVector = tuple[float | None, float | None, float]
 
 
 def _require_vector(word: str, value: Any, bound: float, axes: str = "x, y, z") -> None:
@@ -54,8 +55,8 @@ def _require_timing(word: str, in_s: Any, tolerance: Any, widest: float) -> None
     require_numbers(f"{word}: tolerance: expected a number", (tolerance,), widest, 0.0)
 
 
-def _told(values: Sequence[float]) -> str:
-    return "[" + ", ".join(f"{value:.3g}" for value in values) + "]"
+def _told(values: Sequence[float | None]) -> str:
+    return "[" + ", ".join("any" if value is None else f"{value:.3g}" for value in values) + "]"
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,40 @@ class FootPlace(Logged):
     def __str__(self) -> str:
         turned = f", {self.heading:.3g} rad" if self.heading else ""
         return f"{FOOT_PARTS[self.side]} to {_told(self.place)} m{turned} in {self.in_s:g} s"
+
+
+@dataclass(frozen=True)
+class HeadPlace(Logged):
+    """Bring the head to a place by hips and trunk, both feet staying where they stand.
+
+    Attributes:
+        place: x, y, z of the head's point from the middle between both soles on the floor [m]: x as the feet point, y
+            left, z up. None: wherever the height leads, with the trunk as upright as it may be.
+        in_s: time from now until it is there [s].
+        tolerance: a place out of reach is replaced by the nearest one within this distance [m]; else it is refused.
+
+    Raises:
+        ConfigError: a value is not of its kind, or out of bounds.
+    """
+
+    place: HeadVector
+    in_s: float = 1.0
+    tolerance: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.place, tuple) or len(self.place) != 3 or self.place[2] is None:
+            raise ConfigError(f"head: place: expected [x, y, z], x and y numbers or none; found {self.place!r}")
+        known = tuple(value for value in self.place if value is not None)
+        require_numbers("head: place: expected [x, y, z]", known, FARTHEST_HAND_M)
+        _require_timing("head", self.in_s, self.tolerance, FARTHEST_HAND_M)
+
+    @property
+    def part(self) -> str:
+        """See `Hand.part`: a head that looks is another part."""
+        return HEAD_PLACE
+
+    def __str__(self) -> str:
+        return f"head to {_told(self.place)} m in {self.in_s:g} s"
 
 
 @dataclass(frozen=True)
@@ -236,8 +271,8 @@ class Relax(Logged):
     """Let a part go: it goes back to what the rest of the body does.
 
     Attributes:
-        part: "left hand", "right hand", "head", "joint NAME", "left foot", "right foot", "both feet", "torque NAME",
-            "tension LIMB"; "all": every one that was asked for something.
+        part: "left hand", "right hand", "head", "head place", "joint NAME", "left foot", "right foot", "both feet",
+            "torque NAME", "tension LIMB"; "all": every one that was asked for something.
 
     Raises:
         ConfigError: it is no name.
@@ -267,12 +302,13 @@ class Relax(Logged):
 
 Placed = Hand | Point | Look | JointAngle
 """An intent that brings an arm or the head somewhere."""
-PartIntent = Placed | FootPlace | Relax | Contact | TorqueCap | Tension
+PartIntent = Placed | FootPlace | HeadPlace | Relax | Contact | TorqueCap | Tension
 """An intent for one part of the body."""
 
 PARTS: dict[str, type[PartIntent]] = {
     "hand": Hand,
     "foot": FootPlace,
+    "head": HeadPlace,
     "point": Point,
     "look": Look,
     "joint": JointAngle,

@@ -9,6 +9,7 @@ from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.foot_targets import FootTargets
+from flexmotion.streamer.planning.head_targets import HeadTargets
 from flexmotion.streamer.planning.lead import Kind
 from flexmotion.streamer.planning.made_plans import MadePlans
 from flexmotion.streamer.planning.mirroring import Mirroring
@@ -27,6 +28,7 @@ class Records(Protocol):
     ledger: TargetLedger
     parts: PartTargets
     feet: FootTargets
+    head: HeadTargets
     restrictions: RestrictionTargets
     push: PushWatch
 
@@ -140,9 +142,9 @@ class DuePlan:
         return moves and tick >= self.asked_tick + self._replan_ticks
 
     @property
-    def _records_beside(self) -> tuple[PartTargets, FootTargets, RestrictionTargets]:
+    def _records_beside(self) -> tuple[PartTargets, FootTargets, HeadTargets, RestrictionTargets]:
         """What is asked for beside the target for the whole body."""
-        return self.records.parts, self.records.feet, self.records.restrictions
+        return self.records.parts, self.records.feet, self.records.head, self.records.restrictions
 
     def _goes_on(self, row: TickRow) -> bool:
         """Whether the motion that plays is to be planned further."""

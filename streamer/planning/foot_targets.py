@@ -103,7 +103,14 @@ class FootTargets:
         self._going.append(part)
 
     def update(
-        self, row: TickRow, tick: float, now_s: float, playing: Plan | None, travels: bool, restrictions: Restrictions
+        self,
+        row: TickRow,
+        tick: float,
+        now_s: float,
+        playing: Plan | None,
+        travels: bool,
+        restrictions: Restrictions,
+        stays: str | None = None,
     ) -> None:
         """Take what has arrived, and answer what is known.
 
@@ -113,6 +120,7 @@ class FootTargets:
             playing: the newest plan that plays or will; None: none.
             travels: whether the robot is asked to walk or to turn.
             restrictions: that hold.
+            stays: why else no foot may lift; None: it may.
         """
         waiting, self._waiting = self._waiting, []
         going, self._going = self._going, []
@@ -151,7 +159,8 @@ class FootTargets:
                 if isinstance(target.intent, Relax):
                     self._relax(target, target.intent)
                 else:
-                    self._begin(target, born, self._why_not(target, born, playing, travels, restrictions.planted))
+                    why_not = stays or self._why_not(target, born, playing, travels, restrictions.planted)
+                    self._begin(target, born, why_not)
             except ConfigError as error:
                 self._tell(target, "refused", str(error))
 
@@ -224,6 +233,13 @@ class FootTargets:
         if not plan and not (self._held or self._let_go):
             return False
         return self._revisions.wants(plan, tick)
+
+    def comes(self, plan: Plan | None) -> str | None:
+        """Which foot has not lifted yet for its step to a place, in words; None: none has to."""
+        held = self._held
+        if held is None or (plan is not None and not self.is_coming(plan)):
+            return None
+        return f"the {held.foot} is to be placed"
 
     def is_coming(self, plan: Plan) -> bool:
         """Whether the step to the place is still to be planned: a plan does not end with it."""

@@ -23,7 +23,7 @@ from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.part_intents import FootPlace, Relax
+from flexmotion.streamer.motion.part_intents import HEAD_PLACE, FootPlace, HeadPlace, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Restriction
@@ -33,6 +33,7 @@ from flexmotion.streamer.planning.due_plan import DuePlan
 from flexmotion.streamer.planning.ease_notes import EaseNotes
 from flexmotion.streamer.planning.foot_targets import FootTargets
 from flexmotion.streamer.planning.gesture_way import GestureWay
+from flexmotion.streamer.planning.head_targets import HeadTargets
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
@@ -73,7 +74,8 @@ class Replanner:
         turns: of the driver, ticks within which every joint is read once.
 
     Attributes:
-        ledger, parts, feet, restrictions: what operators ask for; made: the plans; push: whether the robot was pushed.
+        ledger, parts, feet, head, restrictions: what operators ask for; made: the plans.
+        push: whether the robot was pushed.
         follows_targets: whether the source follows targets.
         gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
@@ -105,6 +107,7 @@ class Replanner:
             lambda: self.restrictions.restrictions.caps,
         )
         self.feet = FootTargets(planner.retargeter, self._publish, lambda message: self.on_note(message))
+        self.head = HeadTargets(planner.retargeter, self._publish, lambda message: self.on_note(message))
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -174,11 +177,13 @@ class Replanner:
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
         now_s = self.ledger.now_s()
-        self.restrictions.update(row, tick - early, now_s, self.parts.held)
+        self.restrictions.update(row, tick - early, now_s, self.parts.held, self.head.stays)
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         travels, restrictions = self._travels, self.restrictions.restrictions
         newest = self.made.plan(int(row.pending) or int(row.plan))
-        self.feet.update(row, tick - early, now_s, newest, travels, restrictions)
+        self.feet.update(row, tick - early, now_s, newest, travels, restrictions, self.head.stays)
+        needed = "the robot is to walk" if travels else self.feet.comes(newest)
+        self.head.update(row, tick - early, now_s, newest, needed, restrictions.caps)
         if self._mirroring is not None:
             self._mirroring.update(tick)
         if not self._due.now(row, target):
@@ -194,8 +199,10 @@ class Replanner:
             if not self._turns.to_target(target, current, join, row, stands_at, stays):
                 return False
             self.feet.gather()
+            self.head.rise_if_halted()
             if self._travels:
                 self.feet.give_way(f"{words_of(target.intent)!r} needs the feet", "superseded")
+                self.head.give_way(f"{words_of(target.intent)!r} needs the feet", "superseded")
         elif self._runner is not None and self._runner.wanted is not None:
             self._turns.to_step(self._runner, current, join)
         elif self._mirroring is not None and self._mirroring.wanted:
@@ -216,7 +223,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._due.rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
-                parts=STOPPED_PARTS if row.must_stop else self.parts.goals,
+                parts=STOPPED_PARTS if row.must_stop else self.head.with_goal(self.parts.goals),
                 restrictions=replace(restrictions, placed=self.feet.goal, astride=self.feet.astride),
                 drift=self._drift.value + (0.0 if self._runner is None else self._runner.aside),
                 sway=self.push.sway if kind is Kind.WHOLE else None,
@@ -238,7 +245,7 @@ class Replanner:
             effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
-            leads=self.feet.leads or self.parts.leads(planned.plan),
+            leads=self.feet.leads or (not row.must_stop and self.parts.leads(planned.plan)),
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
@@ -249,6 +256,7 @@ class Replanner:
         self.made.add(ticket, planned.plan, int(row.plan))
         self.parts.made(ticket.id, planned.plan, int(row.plan), tick)
         self.feet.made(ticket.id, planned.plan, int(row.plan), tick)
+        self.head.made(ticket.id, planned.plan, int(row.plan), tick)
         self.restrictions.made(ticket.id, planned.plan, int(row.plan), tick)
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
@@ -278,7 +286,10 @@ class Replanner:
         if stays is None and 0 < self.feet.newest < target:
             self.feet.give_way("the newer motion makes steps")
             return
-        stays = stays or self.feet.stays
+        if stays is None and 0 < self.head.newest < target:
+            self.head.give_way("the newer motion makes steps")
+            return
+        stays = stays or self.feet.stays or self.head.stays
         if stays is None:
             return
         self._withheld = target
@@ -288,9 +299,12 @@ class Replanner:
             self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, note)))
 
     def _take_part(self, target: Target, born_s: float) -> None:
-        """Take a target for arms, head or a foot, or one that restricts the robot; see `TargetLedger`."""
+        """Take a target for arms, head or feet, or one that restricts the robot; see `TargetLedger`."""
         intent = part_of_words(target.intent) or target.intent
         late = target.too_late(self.ledger.now_s() - born_s)
+        if isinstance(intent, HeadPlace) or intent == Relax(HEAD_PLACE):
+            self.head.take(target, born_s)
+            return
         if isinstance(intent, FootPlace):
             self.feet.take(target, born_s)
             return
@@ -309,6 +323,7 @@ class Replanner:
         if intent == Relax() and not late:
             self.restrictions.let_all_go()
             self.feet.let_go(intent.part)
+            self.head.let_go()
         self.parts.take(target, born_s)
 
     def _stand_still(self, reason: str) -> None:
@@ -355,6 +370,7 @@ class Replanner:
         self.ledger.refuse_all(reason)
         self.parts.refuse_all(reason)
         self.feet.refuse_all(reason)
+        self.head.refuse_all(reason)
         self.restrictions.refuse_all(reason)
         if not row.plan and not row.pending:
             self._succeeds, self.ledger.halted = not row.ready, True
@@ -366,6 +382,7 @@ class Replanner:
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
         self.feet.begin_with(plan)
+        self.head.begin_with(plan)
         self.restrictions.begin_with(offer.ticket.id, plan, self._inherited)
         self._succeeds, self.ledger.halted = False, True
         return True

@@ -2,7 +2,7 @@
 
 const MOVES = ["READY", "STREAMING", "HOLD"]; // states in which something can be followed
 const PRESSES = { STOP: "stopped", ESTOP: "ended", KILL: "ended" };
-const PART = /^((left|right) (hand|arm|foot)|head|both feet|relax|(joint|torque|tension) .*)$/; // beside what the whole body does
+const PART = /^((left|right) (hand|arm|foot)|head( place)?|both feet|relax|(joint|torque|tension) .*)$/; // beside what the whole body does
 const RESTRICTION = /foot$|feet$|^(torque|tension) /; // STOP does not end it
 const KEPT = 60;
 

@@ -22,7 +22,7 @@ from flexmotion.streamer.gateway.messages import (
 )
 from flexmotion.streamer.gateway.schema import schema_text
 from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
-from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
@@ -65,12 +65,17 @@ OWN: dict[str, dict[str, Any]] = {
         "tolerance_rad": st.floats(0.0, 3.0),
         **TIMED,
     },
+    "head": {
+        "position_m": st.tuples(*[st.none() | st.floats(-2.0, 2.0)] * 2, st.floats(-2.0, 2.0)),
+        "tolerance_m": st.floats(0.0, 2.0),
+        **TIMED,
+    },
     "point": {"side": SIDE, "direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "look": {"direction": DIRECTION, "tolerance_rad": st.floats(0.0, 3.0), **TIMED},
     "joint": {"joint": st.just("l_el"), "angle_rad": st.floats(-6.0, 6.0), **TIMED},
     "relax": {
         "part": st.sampled_from(
-            ["all", "left hand", "head", "joint l_el", "both feet", "torque left knee", "tension head"]
+            ["all", "left hand", "head", "head place", "joint l_el", "both feet", "torque left knee", "tension head"]
         )
     },
     "contact": {"foot": st.sampled_from(["left", "right", "both"])},
@@ -195,6 +200,7 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"look","direction":[1,1,0]}') == Look((1.0, 1.0, 0.0))
     assert intent('{"type":"joint","joint":"l_el","angle_rad":0.5}') == JointAngle("l_el", 0.5)
     assert intent('{"type":"relax"}') == Relax("all")
+    assert intent('{"type":"head","position_m":[0.02,null,0.38]}') == HeadPlace((0.02, None, 0.38))
     assert intent('{"type":"contact","foot":"left"}') == Contact("left")
     assert intent('{"type":"torque","joint":"left knee","limit_nm":1}') == TorqueCap("left knee", 1.0)
     assert intent('{"type":"tension","limb":"head","tension":0.5}') == Tension("head", 0.5)

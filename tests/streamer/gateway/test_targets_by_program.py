@@ -13,7 +13,7 @@ from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.async_client import AsyncClient
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.motion.intents import Intent
-from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Point, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 
 from .conftest import Answering, Begin
@@ -35,6 +35,16 @@ TARGETS: list[tuple[Call, list[str], Intent]] = [
         lambda client: client.foot("right", 0.0, -0.1),
         ["--foot", "right", "0", "-.1"],
         FootPlace("right", (0.0, -0.1)),
+    ),
+    (
+        lambda client: client.head(0.02, 0.0, 0.38, in_s=1.5, tolerance_m=0.02),
+        ["--head", ".02", "0", ".38", "--in", "1.5", "--tolerance", ".02"],
+        HeadPlace((0.02, 0.0, 0.38), in_s=1.5, tolerance=0.02),
+    ),
+    (
+        lambda client: client.head(None, None, 0.35),
+        ["--head", "nan", "nan", ".35"],
+        HeadPlace((None, None, 0.35)),
     ),
     (
         lambda client: client.point("left", 1.0, 0.5, 0.0, in_s=0.8),
