@@ -175,8 +175,8 @@ class HeadPlaces:
         while seconds < _LONGEST_S and self._load(base, q, own, seconds) > _LOAD:
             short, seconds = seconds, 2.0 * seconds
         for _ in range(_HALVINGS if seconds > short else 0):
-            middle = 0.5 * (short + seconds)
-            short, seconds = (middle, seconds) if self._load(base, q, own, middle) > _LOAD else (short, middle)
+            between = 0.5 * (short + seconds)
+            short, seconds = (between, seconds) if self._load(base, q, own, between) > _LOAD else (short, between)
         return seconds
 
     def _load(self, base: Float, q: Float, feet: Float, seconds: float) -> float:
@@ -250,6 +250,7 @@ class HeadPlaces:
             long = np.maximum(long, np.linalg.norm(hip - ankle, axis=1))
         stands = within & (away <= _AWAY_M) & (short <= _MISSING_LEG) & (tilt <= self._most_tilt)
         stands &= long <= self._longest_leg
+        assert self._point is not None
         return base[:, :3] + turned @ self._point, stands
 
 

@@ -139,8 +139,8 @@ class PartOptions:
             return {"type": "foot", **fields, "in_s": self.in_s}
         if self.head is not None:
             *floor, height = self.head
-            place = [*(None if math.isnan(value) else value for value in floor), height]
-            return {"type": "head", "position_m": place, "tolerance_m": tolerance_m, "in_s": self.in_s}
+            known = [None if math.isnan(value) else value for value in floor]
+            return {"type": "head", "position_m": [*known, height], "tolerance_m": tolerance_m, "in_s": self.in_s}
         if self.point is not None:
             side, *direction = self.point
             return {"type": "point", "side": side, "direction": direction, "in_s": self.in_s}

@@ -152,9 +152,10 @@ class HeadPlace(Logged):
     tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        if not isinstance(self.place, tuple) or len(self.place) != 3 or self.place[2] is None:
-            raise ConfigError(f"head: place: expected [x, y, z], x and y numbers or none; found {self.place!r}")
-        known = tuple(value for value in self.place if value is not None)
+        place: object = self.place
+        if not isinstance(place, tuple) or len(place) != 3 or place[2] is None:
+            raise ConfigError(f"head: place: expected [x, y, z], x and y numbers or none; found {place!r}")
+        known = tuple(value for value in place if value is not None)
         require_numbers("head: place: expected [x, y, z]", known, FARTHEST_HAND_M)
         _require_timing("head", self.in_s, self.tolerance, FARTHEST_HAND_M)
 
