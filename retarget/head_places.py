@@ -46,7 +46,7 @@ _FINEST = 2.0**-7
 """The search ends with steps of this share of the first ones: .2 mm, 3 and 2 mrad."""
 _ROUNDS = 40
 _PASSES = 3
-_ROWS = 25
+_ROWS = 17
 """Moments of a way at which its torques are judged."""
 _SHORTEST_S, _LONGEST_S = 0.2, 10.0
 """Bounds of its time [s]."""

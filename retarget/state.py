@@ -78,11 +78,6 @@ class RetargetState(Record):
     """Tick until which it holds."""
     part_bound: Float = column("f8", "channels")
     """Bound on the acceleration on the way there and back [rad/s²]; infinite: that of the filter."""
-    part_back: Float = column("f8", "channels")
-    """Least time of the way back [s]."""
-    upright: Float = column("f8")
-    """Tick before which no foot lifts, because hips and trunk are at a place of their own, or on their way back;
-    infinite while that holds, -infinite where they follow none."""
     planted: Float = column("f8", 2)
     """1 where a foot is to stay on the ground where it is, whatever the human does; else 0."""
     tension: Float = column("f8", len(LIMBS))
@@ -93,6 +88,11 @@ class RetargetState(Record):
     """Where a foot is to be: the fields of `FootGoal` in order; -1: no foot is to be anywhere."""
     astride: Float = column("f8")
     """1 where the feet stay as they have landed, though no human is followed; else 0."""
+    part_back: Float = column("f8", "channels")
+    """Least time of the way back [s]."""
+    upright: Float = column("f8")
+    """Tick before which no foot lifts, because hips and trunk are at a place of their own, or on their way back;
+    infinite while that holds, -infinite where they follow none."""
 
 
 @dataclass(frozen=True)

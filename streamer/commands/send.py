@@ -24,7 +24,7 @@ _VELOCITY_S = 5.0
 
 _ENDING = (
     *("TEXT", "--velocity", "--heading", "--waypoint", "--clip"),
-    *("--hand", "--foot", "--point", "--look", "--joint"),
+    *("--hand", "--foot", "--head", "--point", "--look", "--joint"),
 )
 """What `--wait` can wait for."""
 

@@ -60,6 +60,7 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
         (set_joint(0, speed=2), r"joints\.0\.speed: unknown field, expected one of: name, "),
         (lambda c: c["feet"]["left"].update(body="l_foot"), r"feet\.left\.body: no body 'l_foot' in op3\.xml"),
         (lambda c: c["hands"]["right"].update(body="r_hand"), r"hands\.right\.body: no body 'r_hand'"),
+        (lambda c: c["head"].update(body="skull"), r"head\.body: no body 'skull'"),
         (lambda c: c.update(torso="l_knee_link"), "torso: body 'l_knee_link' must have the MJCF's free joint"),
         (lambda c: c.update(torso="body"), "torso: no body 'body' in op3.xml, did you mean: body_link"),
         (lambda c: c["imu"].update(body="chest"), r"imu\.body: no body 'chest'"),

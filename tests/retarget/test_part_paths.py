@@ -159,3 +159,66 @@ def test_a_goal_without_numbers_is_refused_where_it_is_made(fields: dict[str, An
     """A goal that is no number was found in the finished plan, which ended the planner."""
     with pytest.raises(RetargetError, match=message):
         PartGoal(**{"number": 7, "channels": LEFT, "angles": GOAL, "due": 60.0, "until": np.inf, **fields})
+
+
+TRUNK = np.arange(len(POSTURE))
+LOW = np.array([0.14, 0.1, 0.3, 0.0])
+
+
+def bends(due: float, until: float = np.inf, angles: np.ndarray = LOW, back_s: float = 0.0) -> PartGoal:
+    return PartGoal(9, TRUNK, angles, due, until, back_s=back_s)
+
+
+def trunk(retargeter: Retargeter, plan: Plan) -> np.ndarray:
+    """Posture over the rows of a plan, from the second row on, (T, 4)."""
+    found: np.ndarray = retargeter.layout.view(plan.states).position[1:, TRUNK]
+    return found
+
+
+def test_hips_and_trunk_are_there_when_they_are_due_and_no_foot_lifts_meanwhile(retargeter: Retargeter) -> None:
+    plan = stands(retargeter, bends(90.0))
+    assert trunk(retargeter, plan)[90] == pytest.approx(LOW, abs=1e-3)
+    state = retargeter.layout.view(plan.states[95].copy())
+    assert np.isposinf(float(state.upright)) and not plan.steps and plan.contacts.all()
+
+
+@pytest.mark.parametrize(("back_s", "least", "most"), [(0.0, 0.18, 0.204), (1.8, 0.14, 0.165)])
+def test_they_rise_after_their_time_as_slowly_as_is_asked_and_feet_wait_for_it(
+    retargeter: Retargeter, back_s: float, least: float, most: float
+) -> None:
+    down = stands(retargeter, bends(75.0, until=80.0, back_s=back_s))
+    rise = stands(retargeter, after=down, join=80)
+    assert least < trunk(retargeter, rise)[95][0] < most
+    upright = float(retargeter.layout.view(rise.states[0].copy()).upright)
+    assert upright == pytest.approx(80.0 + max(back_s, 0.8) * RATE, abs=1.0)
+
+
+def test_a_stop_on_the_way_brings_the_trunk_to_rest_where_it_is_and_a_later_plan_lets_it_rise(
+    retargeter: Retargeter,
+) -> None:
+    """A stop raised the robot to its stand within half a second."""
+    down = stands(retargeter, bends(120.0))
+    stop = retargeter.plan(down.states[60], None, 0, 60, parts=STOPPED_PARTS)
+    path, before = trunk(retargeter, stop), retargeter.layout.view(down.states[60].copy()).position[TRUNK]
+    assert np.abs(path[-1] - before).max() < 0.08 and path[-1][0] < before[0]
+    assert np.abs(np.diff(path[40:], axis=0)).max() < 1e-4
+    height = path[:, 0]
+    assert (np.diff(height) < 1e-4).all(), "it does not turn back"
+    stays = retargeter.plan(stop.states[90], None, 0, 150, parts=PartGoals(halts=True))
+    assert trunk(retargeter, stays)[-1] == pytest.approx(path[-1], abs=1e-3)
+    rises = stands(retargeter, after=stays, join=30)
+    assert trunk(retargeter, rises)[-1][0] > path[-1][0] + 0.01
+
+
+def test_a_stop_just_before_the_goal_arrives_there(retargeter: Retargeter) -> None:
+    down = stands(retargeter, bends(90.0))
+    stop = retargeter.plan(down.states[80], None, 0, 80, parts=STOPPED_PARTS)
+    assert trunk(retargeter, stop)[-1] == pytest.approx(LOW, abs=1e-3)
+
+
+def test_a_goal_whose_angles_change_is_gone_on_to_from_where_it_was(retargeter: Retargeter) -> None:
+    first = stands(retargeter, bends(80.0))
+    moved = LOW + [0.01, 0.0, -0.05, 0.0]
+    again = stands(retargeter, bends(150.0, angles=moved), after=first, join=90)
+    path = trunk(retargeter, again)
+    assert path[0] == pytest.approx(LOW, abs=2e-3) and path[70] == pytest.approx(moved, abs=1e-3)

@@ -16,7 +16,7 @@ from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
-from flexmotion.streamer.motion.part_intents import FootPlace, Hand, JointAngle, Look, Relax
+from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Relax
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.run.requests import Request
@@ -130,6 +130,26 @@ def test_a_foot_is_placed_again(logged_session: Callable[..., Any], tmp_path: Pa
     log = read_log(made.path)
     assert [set(one) & {"foot", "relax"} for one in log.targets] == [{"foot"}, {"relax"}]
     assert (~session.record.ticks.contact_ref[:, 0]).any(), "no step was made"
+    assert replay(log, Subject.of(log)).differing == []
+
+
+def test_a_head_is_brought_to_its_place_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+    made = logged_session(tmp_path / "head.mcap")
+    session = made.session
+    asked = {200: HeadPlace((0.04, None, 0.4), 0.8), 380: Relax("head place")}
+
+    def operate() -> Request | None:
+        tick = 0 if session.loop is None else session.loop.tick_count
+        if tick in asked:
+            session.targets.send(asked.pop(tick))
+        return Request.END if tick == 560 else None
+
+    session.next_request = operate
+    session.run()
+    log = read_log(made.path)
+    assert [set(one) & {"head", "relax"} for one in log.targets] == [{"head"}, {"relax"}]
+    low = session.record.ticks.true_base[:, 2]
+    assert low.min() < low[-1] - 0.03, "the robot did not crouch"
     assert replay(log, Subject.of(log)).differing == []
 
 

@@ -53,8 +53,9 @@ def test_a_head_is_there_in_time_stays_and_the_robot_rises_when_its_time_is_over
     assert_at(live, DOWN.place)
     off, words = str(live.newest[answer.id].there).split(" ", 1)
     assert float(off) < 0.6 and words == "cm from there" and live.newest[answer.id].over is None
-    live.until_state(State.STREAMING)
+    live.until(lambda: live.newest[answer.id].over, "its time to be over")
     assert live.newest[answer.id].over == "expired"
+    live.until_state(State.STREAMING)
     live.until_state(State.HOLD)
     assert_at(live, home)
     ticks = live.session.record.ticks
