@@ -175,8 +175,9 @@ class HeadPlaces:
         while seconds < _LONGEST_S and self._load(base, q, own, seconds) > _LOAD:
             short, seconds = seconds, 2.0 * seconds
         for _ in range(_HALVINGS if seconds > short else 0):
-            between = 0.5 * (short + seconds)
-            short, seconds = (between, seconds) if self._load(base, q, own, between) > _LOAD else (short, between)
+            half = 0.5 * (short + seconds)
+            needs = self._load(base, q, own, half)
+            short, seconds = (half, seconds) if needs > _LOAD else (short, half)
         return seconds
 
     def _load(self, base: Float, q: Float, feet: Float, seconds: float) -> float:
@@ -231,6 +232,7 @@ class HeadPlaces:
         Args:
             feet: about the middle between them, (2, 4) [m, m, m, rad]; upper: as of `nearest`.
         """
+        assert self._point is not None  # `nearest` has refused it
         robot, body, rows = self._robot, self._body, len(tried)
         channels = np.hstack([tried, np.zeros((rows, 1)), np.broadcast_to(upper, (rows, len(upper)))])
         own = np.broadcast_to(feet, (rows, 2, 4))

@@ -138,9 +138,9 @@ class PartOptions:
             fields = {"side": side, "position_m": place, "heading_rad": heading, "tolerance_m": tolerance_m}
             return {"type": "foot", **fields, "in_s": self.in_s}
         if self.head is not None:
-            *floor, height = self.head
-            known = [None if math.isnan(value) else value for value in floor]
-            return {"type": "head", "position_m": [*known, height], "tolerance_m": tolerance_m, "in_s": self.in_s}
+            x, y, height = self.head
+            there = [*(None if math.isnan(value) else value for value in (x, y)), height]
+            return {"type": "head", "position_m": there, "tolerance_m": tolerance_m, "in_s": self.in_s}
         if self.point is not None:
             side, *direction = self.point
             return {"type": "point", "side": side, "direction": direction, "in_s": self.in_s}

@@ -152,11 +152,10 @@ class HeadPlace(Logged):
     tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        place: object = self.place
-        if not isinstance(place, tuple) or len(place) != 3 or place[2] is None:
-            raise ConfigError(f"head: place: expected [x, y, z], x and y numbers or none; found {place!r}")
-        known = tuple(value for value in place if value is not None)
-        require_numbers("head: place: expected [x, y, z]", known, FARTHEST_HAND_M)
+        place: Any = self.place
+        if isinstance(place, tuple) and len(place) == 3:  # x and y may be left open
+            place = (*(0.0 if value is None else value for value in place[:2]), place[2])
+        _require_vector("head: place", place, FARTHEST_HAND_M)
         _require_timing("head", self.in_s, self.tolerance, FARTHEST_HAND_M)
 
     @property

@@ -268,7 +268,11 @@ class HeadTargets:
         places, feet, upper = self._retargeter.head_places, self._state(playing, tick).feet, self._arms(playing, tick)
         held = replace(held, corrects=tick + _CORRECT_S * self._rate)
         if np.linalg.norm(places.place(held.goal.angles, feet, upper) - held.place) > _OFF_M:
-            found = places.nearest(held.intent.place, np.inf, feet, upper)
+            try:
+                found = places.nearest(held.intent.place, np.inf, feet, upper)
+            except ConfigError:
+                self._held = held  # as it is: with arms as they are now it could not stand otherwise
+                return
             goal = replace(held.goal, angles=found.channels, due=min(tick + _CORRECT_S * self._rate, held.goal.until))
             held = replace(held, goal=goal, place=places.place(found.channels, feet, upper))
             self._revisions.change()
