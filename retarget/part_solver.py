@@ -166,23 +166,26 @@ class PartSolver:
                 text = f"[{told}] m, {100 * float(np.linalg.norm(hand - there)):.1f} cm from there"
         return f"{text}, clear of the body"
 
-    def measured(self, columns: NDArray[np.int64], angles: Float, q: Float) -> str:
-        """How far a part is from its goal, in words; of an arm the distance of its hand.
+    def measured(self, columns: NDArray[np.int64], angles: Float, q: Float, *, place: bool) -> tuple[float | None, str]:
+        """How far a part is from its goal, and that in words.
 
         Args:
             columns, angles: as of `Solved`.
             q: measured joint angles, (n,) [rad]; NaN where they are not known.
+            place: the distance of the hand of the arm that these joints are [m]; else the greatest of a joint [rad].
         """
         joints, chain = self._upper.joints[columns], self._upper.chain
-        wanted = q.copy()
-        wanted[joints] = angles
         if not np.isfinite(q[joints]).all():
-            return "not measured"
-        for arm, own in enumerate(chain.joints):
-            if np.isin(own, joints).all():
-                there, hand = (chain.poses(np.nan_to_num(one)[chain.joints]).hand[arm] for one in (wanted, q))
-                return f"{100 * float(np.linalg.norm(hand - there)):.1f} cm from there"
-        return f"{math.degrees(np.abs(q[joints] - angles).max()):.1f}° of a joint from there"
+            return None, "not measured"
+        if not place:
+            off = float(np.abs(q[joints] - angles).max())
+            return off, f"{math.degrees(off):.1f}° of a joint from there"
+        wanted = np.nan_to_num(q)
+        wanted[joints] = angles
+        arm = next(arm for arm, own in enumerate(chain.joints) if np.isin(own, joints).all())
+        there, hand = (chain.poses(one[chain.joints]).hand[arm] for one in (wanted, np.nan_to_num(q)))
+        off = float(np.linalg.norm(hand - there))
+        return off, f"{100 * off:.1f} cm from there"
 
     def _arm(self, arm: int) -> NDArray[np.int64]:
         count = self._upper.arms.shape[1]

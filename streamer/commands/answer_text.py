@@ -126,9 +126,16 @@ def _held(holding: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """A line for each part that is at a place of its own, and for each restriction."""
     lines = {}
     for one in holding:
-        way = "restricts" if one["restricts"] else "on its way" if one["there"] is None else f"there, {one['there']}"
+        way = "on its way"
+        if one["restricts"]:
+            way = "restricts"
+        elif one["there"] is not None:
+            way = f"there, {one['there']}"
+        elif one["missed"] is not None:
+            way = f"not there: {one['missed']}"
         moved = "" if one["moved"] is None else f", moved to {one['moved']}"
-        lines[one["part"]] = f"{one['asked']}{moved}, of {one['source']}: {way}"
+        source = "" if one["source"] is None else f", of {one['source']}"
+        lines[", ".join(one["parts"])] = f"{one['asked']}{moved}{source}: {way}"
     return lines
 
 

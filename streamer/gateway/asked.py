@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flexmotion.streamer.gateway.messages import Answer, Ended, Message, StopMessage, TargetEnd, TextMessage
-from flexmotion.streamer.motion.heard import Heard, HeardStep
+from flexmotion.streamer.motion.heard import HeardStep
 from flexmotion.streamer.motion.intents import Intent
 from flexmotion.text.alarm import is_alarm
 
@@ -93,24 +93,20 @@ class Following:
 
 
 @dataclass(frozen=True)
-class Holding:
-    """A target for a part of the body, or a restriction, that was followed and holds.
+class Waiter:
+    """Who is told the end of a target for a part of the body, or of a restriction.
 
     Attributes:
-        source: who sent it; id: of its message; on_end: takes its end, once.
-        heard: the newest version of the planner's answer.
+        source, id: of its message; on_end: takes its end.
     """
 
     source: str
-    heard: Heard
-    id: str | None = None
-    on_end: OnEnd | None = None
+    id: str | None
+    on_end: OnEnd
 
-    def ended(self, end: TargetEnd) -> Holding:
-        """The same at its end, of which its sender is told once: a part is there, or nothing holds any longer."""
-        if self.on_end is not None:
-            self.on_end(Ended(id=self.id, source=self.source, target=self.heard.id, end=end, done=self.heard.there))
-        return replace(self, on_end=None)
+    def tell(self, target: int, end: TargetEnd, done: str | None = None) -> None:
+        """Tell the end of the target of this number; `done`: what was measured of it, in words."""
+        self.on_end(Ended(id=self.id, source=self.source, target=target, end=end, done=done))
 
 
 class Sequences:

@@ -18,7 +18,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, Holding, OnEnd, Reply, Sequences, asked_of
+from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, OnEnd, Reply, Sequences, Waiter, asked_of
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
@@ -44,7 +44,7 @@ from flexmotion.streamer.gateway.messages import (
 )
 from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
-from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, Over, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
 from flexmotion.streamer.motion.part_intents import RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
@@ -60,6 +60,8 @@ _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
+_ENDS: dict[Over | None, TargetEnd] = {"expired": "expired", "stopped": "stopped"}
+"""How what held has ended, as who waits is told; else something has taken its place, or let it go."""
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
@@ -88,7 +90,7 @@ class Desk:
         counts: messages received, answers by state, and what was refused, by its reason.
         following: the newest target that was accepted; None before the first, after a stop, without torque, and where
             the robot stands still for words that it does not understand.
-        holding: targets for parts of the body and restrictions that hold, by number.
+        holding: newest answers to targets for parts of the body and to restrictions that hold.
         sources: who sent the newest targets, by number.
         cause: why the robot does not do as it is told.
     """
@@ -109,12 +111,13 @@ class Desk:
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
-        self.holding: dict[int, Holding] = {}
+        self.holding: list[Heard] = []
         self.cause = Cause()
         self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
-        self._heard = heard.reader()
+        self._heard, self._channel, self._held_changes = heard.reader(), heard, 0
+        self._waiters: dict[int, Waiter] = {}  # of what holds, by number
         self._waiting: dict[str, Asked] = {}  # by part: targets that are sent when the interval of coalescing is over
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
@@ -171,6 +174,7 @@ class Desk:
         for event in new:
             self.cause.take(event)
         self._match(new, None if row is None else TickRow(row))
+        self._look_what_holds(None if row is None else TickRow(row))
         if self.following is not None and now - self.following.stamp_s > self.following.holds_s:
             self.following = self.following.ended("expired")
         self._time_out(now)
@@ -329,23 +333,33 @@ class Desk:
         self.following = following
 
     def _hold(self, heard: Heard, asked: Asked | None) -> None:
-        """Take the planner's answer to a target that holds beside the whole body, or a later version of it.
+        """Take the planner's answer to a target that holds beside the whole body, or a later version, for who waits.
 
         Args:
             asked: the message of this gateway that it answers; None: of another sender, or a later version.
         """
-        if heard.tick is None:
-            return  # never followed
-        one = self.holding.pop(heard.id, None) or Holding(self.sources.get(heard.id, "script"), heard)
-        one = replace(one, heard=heard)
-        if asked is not None:
-            one = replace(one, id=asked.message.id, on_end=asked.on_end)
+        if asked is not None and asked.on_end is not None and heard.tick is not None:
+            self._waiters[heard.id] = Waiter(asked.message.source, asked.message.id, asked.on_end)
+        if heard.id not in self._waiters:
+            return
         if heard.there is not None:
-            one = one.ended("done")
-        if heard.over is None:
-            self.holding[heard.id] = one
-        else:
-            one.ended("superseded" if heard.over == "let go" else heard.over)
+            self._waiters.pop(heard.id).tell(heard.id, "done", heard.there)
+        elif heard.missed is not None:
+            self._waiters.pop(heard.id).tell(heard.id, "time limit", heard.missed)
+        elif not heard.held:
+            late = heard.over == "expired" and heard.holds == "part"  # it never got there
+            end: TargetEnd = "time limit" if late else _ENDS.get(heard.over, "superseded")
+            self._waiters.pop(heard.id).tell(heard.id, end)
+
+    def _look_what_holds(self, row: TickRow | None) -> None:
+        """Read what holds, if it has changed; nothing does without torque, whatever a planner that has died has told."""
+        if row is not None and State(int(row.state)) not in _FOLLOWS:
+            self.holding, self._held_changes = [], 0
+            while self._waiters:
+                number, waiter = self._waiters.popitem()
+                waiter.tell(number, "stopped")
+        elif (changes := self._channel.held_changes) != self._held_changes:
+            self.holding, self._held_changes = self._channel.held, changes
 
     def _match(self, new: list[Event], row: TickRow | None) -> None:
         """Reply to the requests that the loop has taken; to most of them once their effect is known.
@@ -371,10 +385,6 @@ class Desk:
                         self._reply(asked, "accepted", tick=event.tick)
         if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
             self._follow(None, "stopped")
-            if State(int(row.state)) not in _FOLLOWS:
-                holding, self.holding = self.holding, {}
-                for one in holding.values():
-                    one.ended("stopped")
         elif row is not None and self.following is not None and State(int(row.state)) is State.HOLD:
             # It stands, though a target was followed: one that leads to a stand is done, others were given up, such as
             # those of a planner that was started again.

@@ -41,20 +41,21 @@ class Holds(BaseModel):
     """A target for a part of the body, or a restriction, that holds beside what the whole body does.
 
     Attributes:
-        target: its number; source: who sent it; asked: what for.
-        part: arm, head, foot or joint that is at a place of its own, or what is restricted, in the names that `relax`
-            takes.
+        target: its number; source: who sent it, null of a script, or from before this gateway; asked: what for.
+        parts: arm, head, foot or joint that is at a place of its own, or what is restricted: names that `relax` takes.
         restricts: it is a restriction, and moves nothing.
-        there: of a part, once it is there: what was measured, in words.
+        there: of a part, once it is there: how far it is from its place as measured, in words.
+        missed: of a part that was not there in time: likewise.
         slowed, moved: as in its answer.
     """
 
     target: int
-    source: str
+    source: str | None
     asked: str
-    part: str
+    parts: tuple[str, ...]
     restricts: bool
     there: str | None
+    missed: str | None
     slowed: str | None
     moved: str | None
 
@@ -156,16 +157,17 @@ def status_of(
         )
     known["holding"] = tuple(
         Holds(
-            target=number,
-            source=one.source,
-            asked=one.heard.asked,
-            part=str(one.heard.heard_as),
-            restricts=one.heard.holds == "restriction",
-            there=one.heard.there,
-            slowed=one.heard.slowed,
-            moved=one.heard.moved,
+            target=one.id,
+            source=desk.sources.get(one.id),
+            asked=one.asked,
+            parts=tuple(str(one.heard_as).split(", ")),
+            restricts=one.holds == "restriction",
+            there=one.there,
+            missed=one.missed,
+            slowed=one.slowed,
+            moved=one.moved,
         )
-        for number, one in sorted(desk.holding.items())
+        for one in desk.holding
     )
     row = desk.row()
     if row is None:

@@ -37,7 +37,7 @@ stop, a fault or a planner that was started again."""
 NOT_DONE: tuple[State, ...] = ("refused", "partly")
 """States in which something that was asked is not done."""
 
-_BYTES = 8000
+_BYTES, _HELD_BYTES = 8000, 64_000
 
 
 class HeardStep(BaseModel):
@@ -104,7 +104,8 @@ class Heard(BaseModel):
         notes: what was taken for words that say no number.
         steps: its requests; empty where it is refused.
         holds: what holds from then on; None: it is for the whole body, or lets something go.
-        there: of a part, once it is there: what was measured, in words.
+        there: of a part, once it is there: how far it is from its place as measured, in words.
+        missed: of a part that was not there in time: likewise.
         over: how what held ended; None: it holds, or never did.
     """
 
@@ -127,7 +128,14 @@ class Heard(BaseModel):
     steps: tuple[HeardStep, ...] = ()
     holds: Holds | None = None
     there: str | None = None
+    missed: str | None = None
     over: Over | None = None
+
+    @property
+    def held(self) -> bool:
+        """Whether something holds: a target for a part or a restriction was followed, and has not ended."""
+        followed = self.tick is not None and self.state not in ("refused", "superseded", "expired")
+        return self.holds is not None and followed and self.over is None
 
     @property
     def failure(self) -> str | None:
@@ -186,6 +194,12 @@ class HeardRow(Record):
     content: Any = column(f"S{_BYTES}")
 
 
+class HeldRow(Record):
+    """All that holds, in shared memory: JSON, a list of answers."""
+
+    content: Any = column(f"S{_HELD_BYTES}")
+
+
 @dataclass(frozen=True)
 class _Answered(Container[int]):
     """Some numbers, and all below one."""
@@ -198,11 +212,16 @@ class _Answered(Container[int]):
 
 
 class HeardChannel:
-    """Answers in shared memory. One process writes, the planner's; any number read. The newest of an id counts."""
+    """Answers in shared memory. One process writes, the planner's; any number read. The newest of an id counts.
+
+    Of what holds beside the whole body all answers stay readable (`held`), however many others come: a foot that is
+    kept down for an hour is known to a planner that is started again, and to a gateway that begins later.
+    """
 
     def __init__(self) -> None:
-        self._ring = Ring(HeardRow.dtype(), 128)
+        self._ring, self._held = Ring(HeardRow.dtype(), 128), Ring(HeldRow.dtype(), 4)
         self._row = HeardRow(np.zeros((), HeardRow.dtype()))
+        self._held_row = HeldRow(np.zeros((), HeldRow.dtype()))
 
     def publish(self, heard: Heard) -> None:
         """Publish an answer, or a later version of one: a step of it has ended."""
@@ -210,8 +229,32 @@ class HeardChannel:
         if len(content) > _BYTES:
             # Only a sentence of very many steps is that long; its steps are left out, not cut off in the middle.
             content = _json(heard.model_copy(update={"steps": (), "dropped": heard.dropped[:8]}))
+        if heard.holds is not None:
+            self._hold(heard)  # before the answer: who has read that one knows what holds
         self._row.id[...], self._row.content[...] = heard.id, content
         self._ring.publish(np.asarray(self._row.array))
+
+    @property
+    def held(self) -> list[Heard]:
+        """The newest versions of the answers to what holds now, in order of their ids."""
+        row = self._held.latest()
+        return [] if row is None else [Heard.model_validate(one) for one in json.loads(HeldRow(row).content.item())]
+
+    @property
+    def held_changes(self) -> int:
+        """How often `held` has changed."""
+        return self._held.count
+
+    def _hold(self, heard: Heard) -> None:
+        known = {one.id: one for one in self.held}
+        known.pop(heard.id, None)
+        if heard.held:
+            known[heard.id] = heard
+        content = [known[number].model_dump(exclude_defaults=True) for number in sorted(known)]
+        while len(text := json.dumps(content).encode()) > _HELD_BYTES:
+            content.pop(0)  # two hundred at once: the oldest is told no longer
+        self._held_row.content[...] = text
+        self._held.publish(np.asarray(self._held_row.array))
 
     def reader(self) -> Reader:
         """A reader of all of them, for `heard_since`."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.retarget.foot_goal import FootGoal
+from flexmotion.retarget.measured_foot import measured_foot
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.restrictions import Restrictions
 from flexmotion.retarget.retargeter import Retargeter
@@ -26,6 +27,7 @@ from flexmotion.streamer.motion.part_intents import FootPlace, Relax
 from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.arrival import ARRIVES_S, arrived
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
@@ -140,7 +142,7 @@ class FootTargets:
         for part in going:
             if self._held is None or _is_of(self._held.target, part):
                 self._let_feet_go()
-        self._arrive(tick, playing)
+        self._arrive(row, tick, playing)
         held = self._held
         if held is not None and held.until <= tick:
             self.give_way(f"its time is over ({held.target.holds_s:g} s)", over="expired")
@@ -351,15 +353,22 @@ class FootTargets:
 
     # ------------------------------------------------------------------ answers
 
-    def _arrive(self, tick: float, playing: Plan | None) -> None:
-        """Tell that the foot is there: by the plan, a sole is not measured."""
+    def _arrive(self, row: TickRow, tick: float, playing: Plan | None) -> None:
+        """Tell whether the foot is there, once that is known; see `arrived`."""
         held = self._held
-        if held is None or playing is None or held.lands is None or not held.answered or held.heard.there is not None:
+        if held is None or playing is None or held.lands is None or not held.answered or tick < held.lands:
             return
-        row = min(int(tick) - playing.start_tick, len(playing.feet) - 1)
-        if row >= 0 and held.lands <= tick and held.goal.is_there(playing.feet[row]):
-            self._held = replace(held, heard=held.heard.model_copy(update={"there": "landed"}))
-            self._publish(self._held.heard)
+        planned = min(int(tick) - playing.start_tick, len(playing.feet) - 1)
+        if planned < 0 or not held.goal.is_there(playing.feet[planned]):
+            return  # its step is still to come
+        goal, found = held.goal, measured_foot(self._retargeter.robot, held.goal.side, np.array(row.q))
+        off = None if found is None else float(np.hypot(found[0] - goal.ahead, found[1] - goal.left))
+        told = "not measured" if off is None else f"{100 * off:.1f} cm from there"
+        last = tick >= min(held.lands + ARRIVES_S * self._rate, held.until)
+        heard = arrived(held.heard, off, held.intent.tolerance, told, last=last)
+        if heard is not held.heard:
+            self._publish(heard)
+            self._held = replace(held, heard=heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""

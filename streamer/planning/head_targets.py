@@ -27,6 +27,7 @@ from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, HeadPlace, Relax
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.arrival import ARRIVES_S, arrived
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
@@ -319,15 +320,18 @@ class HeadTargets:
     # ------------------------------------------------------------------ answers
 
     def _arrive(self, row: TickRow, tick: float) -> None:
-        """Tell that the head is there, and how far from its place by the measured joints."""
+        """Tell whether the head is there by the measured joints, once that is known; see `arrived`."""
         held = self._held
-        if held is None or not held.answered or tick < held.there or held.heard.there is not None:
+        if held is None or not held.answered or tick < held.there:
             return
         found = self._retargeter.head_places.measured(np.array(row.q))
         off = None if found is None else float(np.linalg.norm(found - held.place))
         told = "not measured" if off is None else f"{100 * off:.1f} cm from there"
-        self._held = replace(held, heard=held.heard.model_copy(update={"there": told}))
-        self._publish(self._held.heard)
+        last = tick >= min(held.there + ARRIVES_S * self._rate, held.until)
+        heard = arrived(held.heard, off, held.intent.tolerance, told, last=last)
+        if heard is not held.heard:
+            self._publish(heard)
+            self._held = replace(held, heard=heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""

@@ -25,6 +25,7 @@ from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.arrival import ARRIVES_S, arrived
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
@@ -113,7 +114,7 @@ class PartTargets:
             if one.answered:
                 self._over(one, "stopped")
             else:
-                self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason}))
+                self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason, "tick": None}))
         for _, heard in self._relaxed:
             self._publish(heard)
         numbers = [target.id for target, _ in self._waiting] + [one.target.id for one in self._holding]
@@ -293,18 +294,25 @@ class PartTargets:
         """Tell which parts are there, and whose time is over."""
         held = list[_Holding]()
         for one in self._holding:
-            if one.answered and one.there <= tick and one.heard.there is None:
-                one = replace(one, heard=one.heard.model_copy(update={"there": self._measured(one, row)}))
-                self._publish(one.heard)
-            if one.goal.until <= tick:
+            # A part that its servos bring there later is not let go on its way.
+            until = max(one.goal.until, one.there) if math.isfinite(one.there) else one.goal.until
+            if one.answered and one.there <= tick:
+                one = self._arrived(one, row, tick >= min(one.there + ARRIVES_S * self._rate, until))
+            if until <= tick:
                 one = self._over(one, "expired")
-            if tick < one.goal.until + LONGEST_FADE_S * self._rate:
+            if tick < until + LONGEST_FADE_S * self._rate:
                 held.append(one)
         self._holding = held
 
-    def _measured(self, one: _Holding, row: TickRow) -> str:
-        """How far a part is from where it is to be, as measured, in words."""
-        return self._retargeter.solver.measured(one.goal.channels - len(POSTURE), one.goal.angles, np.array(row.q))
+    def _arrived(self, one: _Holding, row: TickRow, last: bool) -> _Holding:
+        """Tell whether a part that is due is there, once that is known; see `arrived`."""
+        columns, q = one.goal.channels - len(POSTURE), np.array(row.q)
+        off, told = self._retargeter.solver.measured(columns, one.goal.angles, q, place=isinstance(one.intent, Hand))
+        heard = arrived(one.heard, off, one.intent.tolerance, told, last=last)
+        if heard is one.heard:
+            return one
+        self._publish(heard)
+        return replace(one, heard=heard)
 
     def _over(self, one: _Holding, how: Over) -> _Holding:
         """A part's target that was followed holds no longer: that is told once."""

@@ -18,7 +18,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.mirror_source import MirrorSource
@@ -351,8 +351,7 @@ class Replanner:
         self._succeeds = True
         if self._heard is not None:
             self.ledger.drop_old(self._heard.answered(), "the planner was started again; send it again")
-            answers = merged(heard_since(self._heard.reader()))
-            self._inherited = [one for one in answers if one.holds and one.tick is not None and one.over is None]
+            self._inherited = self._heard.held
 
     def _take_over(self, row: TickRow, tick: int) -> bool:
         """Take over from a planner that died, once the robot stands; returns whether that is done.

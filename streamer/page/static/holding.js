@@ -16,13 +16,14 @@ export class Holding {
     this.list.replaceChildren(...holding.map((one) => this.line(one)));
   }
 
-  line({ part, asked, restricts, there }) {
+  line({ parts, asked, restricts, there, missed }) {
     const line = made("li", ""), button = made("button", "Let go", "plain");
     button.type = "button";
-    button.setAttribute("aria-label", `Let go: ${part}`);
+    button.setAttribute("aria-label", `Let go: ${parts.join(", ")}`);
     // A cap of both knees names two joints, and each is let go by its own name.
-    button.onclick = () => part.split(", ").forEach((name) => this.asked.send({ type: "relax", part: name }, `let go: ${name}`));
-    line.append(made("span", `${asked}${restricts ? "" : there ? " · there" : " · on its way"}`), button);
+    button.onclick = () => parts.forEach((name) => this.asked.send({ type: "relax", part: name }, `let go: ${name}`));
+    const way = there ? "there" : missed ? `not there: ${missed}` : "on its way";
+    line.append(made("span", restricts ? asked : `${asked} · ${way}`), button);
     return line;
   }
 }

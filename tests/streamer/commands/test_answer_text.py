@@ -84,11 +84,21 @@ def test_the_status_names_what_holds_and_answers_tell_a_step_from_a_foot_that_is
         "accepted: a step of the left foot",
         "accepted: heard as left foot",
     ]
-    holds = {"target": 3, "source": "a", "restricts": False, "there": None, "slowed": None, "moved": None}
-    hand = Holds.model_validate(holds | {"asked": "left hand to [0.1, 0.1, 0] m in 1 s", "part": "left hand"})
-    foot = Holds.model_validate(holds | {"asked": "keep left foot down", "part": "left foot", "restricts": True})
-    there = hand.model_copy(update={"there": "0.3 cm from there", "part": "right hand"})
-    found = lines(holding=(hand, foot, there))
+    holds = {
+        "target": 3,
+        "source": "a",
+        "restricts": False,
+        "there": None,
+        "missed": None,
+        "slowed": None,
+        "moved": None,
+    }
+    hand = Holds.model_validate(holds | {"asked": "left hand to [0.1, 0.1, 0] m in 1 s", "parts": ["left hand"]})
+    foot = Holds.model_validate(holds | {"asked": "keep left foot down", "parts": ["left foot"], "restricts": True})
+    there = hand.model_copy(update={"there": "0.3 cm from there", "parts": ("right hand",)})
+    away = hand.model_copy(update={"missed": "25.0 cm from there", "parts": ("head",), "source": None})
+    found = lines(holding=(hand, foot, there, away))
+    assert found["head"] == "left hand to [0.1, 0.1, 0] m in 1 s: not there: 25.0 cm from there"
     assert found["left hand"] == "left hand to [0.1, 0.1, 0] m in 1 s, of a: on its way"
     assert found["left foot"] == "keep left foot down, of a: restricts"
     assert found["right hand"].endswith("of a: there, 0.3 cm from there")

@@ -167,7 +167,7 @@ def later(office: Any, number: int, heard: str, kind: str = "part", **known: Any
 def holding(office: Any) -> list[tuple[str, bool, str | None]]:
     """What holds by the status: part, whether it is a restriction, how far a part is from there."""
     told = status_of(office.desk, "op3", "sim", 125.0, None).holding
-    return [(one.part, one.restricts, one.there) for one in told]
+    return [(", ".join(one.parts), one.restricts, one.there) for one in told]
 
 
 def test_the_status_says_what_holds_and_what_could_be_let_go(make_office: Make, clock: Clock) -> None:
@@ -186,8 +186,30 @@ def test_the_status_says_what_holds_and_what_could_be_let_go(make_office: Make, 
     assert holding(office) == [] and [ended.end for ended in foot_ends] == ["expired"]
 
 
+def test_a_part_that_is_held_away_has_missed_its_place(make_office: Make) -> None:
+    """A blocked arm was told as done, 25 cm from where it should be."""
+    office = make_office()
+    number, ends = held(office, HAND % ("left", "h"), "left hand")
+    later(office, number, "left hand", missed="25.0 cm from there")
+    assert [(ended.end, ended.done) for ended in ends] == [("time limit", "25.0 cm from there")]
+    assert holding(office) == [("left hand", False, None)], "it goes on trying"
+
+
+def test_a_target_that_was_refused_after_its_plan_was_made_holds_nothing(make_office: Make) -> None:
+    """A hand that a STOP refused stayed in the status as on its way."""
+    office = make_office()
+    ends: list[Ended] = []
+    office.desk.receive((HAND % ("left", "h")).encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    refused = {"state": "refused", "reason": "stopped", "heard_as": "left hand", "holds": "part"}
+    office.run.heard.publish(Heard.model_validate({"id": number, "asked": "?", "tick": 7, **refused}))
+    office.desk.pump()
+    assert holding(office) == [] and office.states == ["refused"]
+
+
 @pytest.mark.parametrize(
-    ("over", "end"), [("let go", "superseded"), ("superseded", "superseded"), ("stopped", "stopped")]
+    ("over", "end"),
+    [("expired", "time limit"), ("let go", "superseded"), ("superseded", "superseded"), ("stopped", "stopped")],
 )
 def test_a_part_that_never_gets_there_has_another_end(make_office: Make, over: str, end: str) -> None:
     office = make_office()
@@ -207,13 +229,16 @@ def test_nothing_holds_without_torque_whatever_a_planner_tells(make_office: Make
 
 
 def test_what_a_script_asked_for_is_shown_and_a_gateway_that_begins_later_knows_it(make_office: Make) -> None:
+    """A foot that was kept down was forgotten after 128 other answers, those of half a minute of a stick."""
     office = make_office()
     later(office, 7, "head")
     (one,) = status_of(office.desk, "op3", "sim", 125.0, None).holding
-    assert (one.target, one.source, one.part) == (7, "script", "head")
+    assert (one.target, one.source, one.parts) == (7, None, ("head",))
+    for number in range(8, 200):
+        office.run.answer(number, heard="walk")
     anew = make_office()
     anew.desk.pump()
-    assert holding(anew) == holding(office)
+    assert holding(anew) == holding(office) == [("head", False, None)]
 
 
 def test_a_velocity_holds_for_half_a_second_and_words_until_the_next_target(make_office: Make) -> None:

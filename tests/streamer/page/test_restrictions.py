@@ -70,9 +70,9 @@ def test_what_holds_is_listed_and_each_is_let_go_by_itself(run: StandIn) -> None
     """A walk was refused for a foot that was kept down long ago, and the page did not show it."""
     page = run.page
     assert page.is_hidden("#holding")
-    usual = {"source": "a", "slowed": None, "moved": None, "there": None, "restricts": True}
-    hand = usual | {"target": 3, "asked": "left hand to [0.1, 0.1, 0] m", "part": "left hand", "restricts": False}
-    cap = usual | {"target": 4, "asked": "no more than 2 N·m at knee", "part": "torque l_knee, torque r_knee"}
+    usual = {"source": "a", "slowed": None, "moved": None, "there": None, "missed": None, "restricts": True}
+    hand = usual | {"target": 3, "asked": "left hand to [0.1, 0.1, 0] m", "parts": ["left hand"], "restricts": False}
+    cap = usual | {"target": 4, "asked": "no more than 2 N·m at knee", "parts": ["torque l_knee", "torque r_knee"]}
     run.status("HOLD", holding=[hand, cap])
     run.until(lambda: page.is_visible("#holding"), "what holds")
     lines = page.locator("#holding span").all_text_contents()
