@@ -41,7 +41,7 @@ def refusal_of(words: list[str]) -> str | None:
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
     if _places_foot(words):
-        return "no words place or lift a foot; a target does: flexmotion send --foot --help"
+        return "no words place or lift a foot or a leg; a foot is placed by a target: flexmotion send --foot --help"
     if instance := _INSTANCE.search(text):
         return unbounded(instance[0].strip(), None)
     named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
@@ -62,13 +62,15 @@ def _places_foot(words: list[str]) -> bool:
     before, after = words[:place], words[place + 1 :]
     verb = stem(before[0]) if before else ""
     puts = verb == "move" or verb in known.words("puts")
-    owners = set(before[puts:])
+    owners = set(before[puts:]) - {"up", "down"}  # "pick up your feet"
     if not owners <= known.words("limb_owners") | known.words("refers"):
         return False
     counted = bool(owners & known.words("lengths_of_feet"))  # "move two feet ahead" is a length
     if puts:
         return verb != "move" or not counted
-    return after in ([], ["up"]) or (bool(owners) and not counted)
+    # "left leg kick" names the limb of a motion, "left foot forward" a place.
+    to_place = not after or after[0] in known.words("foot_places")
+    return to_place and (not after or after == ["up"] or (bool(owners) and not counted))
 
 
 def _unknown_target(words: list[str], text: str) -> str | None:

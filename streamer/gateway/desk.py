@@ -352,7 +352,7 @@ class Desk:
             self._waiters.pop(heard.id).tell(heard.id, end)
 
     def _look_what_holds(self, row: TickRow | None) -> None:
-        """Read what holds, if it has changed; nothing does without torque, whatever a planner that has died has told."""
+        """Read what holds, if it has changed; nothing does without torque, whatever a planner has told that died."""
         if row is not None and State(int(row.state)) not in _FOLLOWS:
             self.holding, self._held_changes = [], 0
             while self._waiters:

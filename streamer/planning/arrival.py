@@ -5,7 +5,9 @@ from __future__ import annotations
 from flexmotion.streamer.motion.heard import Heard
 
 ARRIVES_S = 0.5
-"""A part that is not within its tolerance this long after it is due is not there: something holds it, or carries it [s]."""
+"""A part that is not within its tolerance this long after it is due is not there: something holds it away [s]."""
+LEAST_M, LEAST_RAD = 0.02, 0.05
+"""Least tolerance of what is measured [m, rad]: joints sag under load, by up to a degree each."""
 
 
 def arrived(heard: Heard, off: float | None, tolerance: float, told: str, *, last: bool) -> Heard:

@@ -27,7 +27,7 @@ from flexmotion.streamer.motion.part_intents import FootPlace, Relax
 from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
-from flexmotion.streamer.planning.arrival import ARRIVES_S, arrived
+from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
@@ -365,7 +365,7 @@ class FootTargets:
         off = None if found is None else float(np.hypot(found[0] - goal.ahead, found[1] - goal.left))
         told = "not measured" if off is None else f"{100 * off:.1f} cm from there"
         last = tick >= min(held.lands + ARRIVES_S * self._rate, held.until)
-        heard = arrived(held.heard, off, held.intent.tolerance, told, last=last)
+        heard = arrived(held.heard, off, max(held.intent.tolerance, LEAST_M), told, last=last)
         if heard is not held.heard:
             self._publish(heard)
             self._held = replace(held, heard=heard)

@@ -25,7 +25,7 @@ from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
-from flexmotion.streamer.planning.arrival import ARRIVES_S, arrived
+from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, LEAST_RAD, arrived
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
 
@@ -308,7 +308,8 @@ class PartTargets:
         """Tell whether a part that is due is there, once that is known; see `arrived`."""
         columns, q = one.goal.channels - len(POSTURE), np.array(row.q)
         off, told = self._retargeter.solver.measured(columns, one.goal.angles, q, place=isinstance(one.intent, Hand))
-        heard = arrived(one.heard, off, one.intent.tolerance, told, last=last)
+        tolerance = max(one.intent.tolerance, LEAST_M if isinstance(one.intent, Hand) else LEAST_RAD)
+        heard = arrived(one.heard, off, tolerance, told, last=last)
         if heard is one.heard:
             return one
         self._publish(heard)

@@ -19,6 +19,7 @@ from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning import part_targets
 from flexmotion.streamer.planning.foot_targets import FootTargets
 from flexmotion.streamer.planning.part_targets import PartTargets
 from flexmotion.streamer.planning.replanning import Replanner
@@ -278,6 +279,33 @@ def test_a_soft_arm_gives_way_to_a_hand_and_comes_back(live: Live) -> None:
     go_on(live, 1.0)
     assert live.session.state.ladder is State.HOLD
     assert np.degrees(abs(live.session.record.ticks.q[-1, shoulder] - before)) < 1.0
+
+
+def test_a_hand_that_is_held_away_has_missed_its_place(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was told as done once its time had come, wherever the arm was.
+
+    What moves it by more than the least tolerance is called blocked, and parks the robot: here that is none.
+    """
+    monkeypatch.setattr(part_targets, "LEAST_M", 0.0)
+    driver = live.session.driver
+    assert isinstance(driver, SimDriver)
+    assert asked(live, Tension("both arms", 0.0), FOREVER).state == "accepted"
+    driver.data.xfrc_applied[driver.model.jnt_bodyid[driver.model.joint("l_el").id], 0] = 4.0
+    answer = asked(live, Hand("left", (0.12, 0.12, 0.05), in_s=1.0, tolerance=0.005), FOREVER)
+    live.until(lambda: live.newest[answer.id].missed, "its time to be over")
+    newest = live.newest[answer.id]
+    assert newest.there is None and newest.over is None and newest.held
+    assert float(str(newest.missed).split(" cm")[0]) > 0.5
+    assert live.session.state.ladder is not State.PARK
+
+
+def test_what_a_stop_refuses_right_after_its_plan_was_made_holds_nothing(live: Live) -> None:
+    """A hand and a STOP in one moment: the refusal named the tick of a plan that was never played."""
+    sent = live.session.send(Hand("left", (0.12, 0.12, 0.05), in_s=1.0))
+    live.session.ask(Request.STOP)
+    answer = live.until_answered(sent.id)
+    assert answer.state == "refused" and answer.tick is None and not answer.held
+    assert live.session.heard_channel.held == []
 
 
 def test_servos_that_are_read_in_turns_are_not_softened(live: Live) -> None:
