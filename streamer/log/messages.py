@@ -126,6 +126,10 @@ HEARD_SCHEMA = {
         "reason": {"type": ["string", "null"]},
         "notes": {"type": "array", "items": {"type": "string"}},
         "steps": {"type": "array", "items": {"type": "object"}},
+        "holds": {"type": ["string", "null"], "description": "what holds from then on: part or restriction"},
+        "there": {"type": ["string", "null"], "description": "of a part that is there: how far from its place"},
+        "missed": {"type": ["string", "null"], "description": "of a part that was not there in time: likewise"},
+        "over": {"type": ["string", "null"], "description": "how it ended: expired, superseded, let go, stopped"},
     },
     "required": ["stamp_ns", "asked", "state"],
 }
