@@ -199,6 +199,16 @@ class HeadTargets:
             return None
         return f"the head is at a place of its own: {_LET_GO}"
 
+    def bent(self, playing: Plan | None, tick: float) -> str | None:
+        """Why the legs may need more than in a stand; None: they do not. Also while the robot rises.
+
+        Args:
+            playing: the newest plan that plays or will, at a tick; None: none.
+        """
+        if self.stays is not None or playing is None or not self._is_bent(playing, tick):
+            return self.stays
+        return "the robot still rises from where its head was: ask again when it stands"
+
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know what holds; 0: none plays."""
         if not plan and not (self._held or self._let_go):

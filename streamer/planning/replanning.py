@@ -176,11 +176,11 @@ class Replanner:
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
-        now_s = self.ledger.now_s()
-        self.restrictions.update(row, tick - early, now_s, self.parts.held, self.head.stays)
+        now_s, newest = self.ledger.now_s(), self.made.plan(int(row.pending) or int(row.plan))
+        bent = self.head.bent(newest, tick - early)
+        self.restrictions.update(row, tick - early, now_s, self.parts.held, bent)
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         travels, restrictions = self._travels, self.restrictions.restrictions
-        newest = self.made.plan(int(row.pending) or int(row.plan))
         self.feet.update(row, tick - early, now_s, newest, travels, restrictions, self.head.stays)
         needed = "the robot is to walk" if travels else self.feet.comes(newest)
         self.head.update(row, tick - early, now_s, newest, needed, restrictions.caps)

@@ -156,6 +156,26 @@ def test_feet_and_caps_of_legs_have_to_wait_and_a_kept_foot_does_not(live: Live)
     assert refused.state == "refused" and "the torque of l_knee is capped" in str(refused.reason)
 
 
+@pytest.mark.parametrize("ends", ["relax", "its time", "a walk"])
+def test_a_cap_of_a_leg_was_accepted_while_the_robot_rose_and_was_exceeded(live: Live, ends: str) -> None:
+    """A knee that was capped at .7 N·m just after `relax` made 1.07 N·m on the way up."""
+    assert asked(live, HeadPlace((None, None, 0.35)), 2.2 if ends == "its time" else FOREVER).state == "accepted"
+    go_on(live, 1.5)
+    if ends == "its time":
+        live.until(lambda: "over: head to" in " ".join(notes(live)), "its time to be over")
+    else:
+        live.session.send(Relax("head place") if ends == "relax" else WALK, holds_s=FOREVER)
+    for _ in range(4):  # at once, and on the way up
+        assert head(live)[2] < 0.44
+        refused = asked(live, TorqueCap("left knee", 0.7), FOREVER)
+        assert refused.state == "refused" and str(refused.reason).startswith("torque: the")
+        assert asked(live, TorqueCap("l_el", 1.0), FOREVER).state == "accepted"
+        go_on(live, 0.1)
+    if ends != "a walk":
+        go_on(live, 2.0)
+        assert asked(live, TorqueCap("left knee", 0.7), FOREVER).state == "accepted"
+
+
 def test_over_feet_in_a_stride_it_is_there_as_well(live: Live) -> None:
     assert asked(live, FootPlace("left", (0.06, 0.115), 0.2), FOREVER).state in ("accepted", "slowed")
     refused = asked(live, DOWN)
