@@ -362,7 +362,9 @@ class Replanner:
         run was started with does not begin by itself after a failure, though no plan was made for it yet.
         """
         self.ledger.take(tick)
-        over = [one for one in self._inherited if one.holds == "part" or not (row.plan or row.pending)]
+        plays = bool(row.plan or row.pending)
+        heads = [one for one in self._inherited if one.heard_as == HEAD_PLACE and plays]
+        over = [one for one in self._inherited if not plays or (one.holds == "part" and one not in heads)]
         self._inherited = [one for one in self._inherited if one not in over]
         for heard in over:
             self._publish(heard.model_copy(update={"over": "stopped"}))
@@ -382,8 +384,8 @@ class Replanner:
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
         self.feet.begin_with(plan)
-        self.head.begin_with(plan)
-        self.restrictions.begin_with(offer.ticket.id, plan, self._inherited)
+        self.head.begin_with(plan, heads)
+        self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in heads])
         self._succeeds, self.ledger.halted = False, True
         return True
 
