@@ -7,7 +7,7 @@ target for the whole body; one that needs the feet ends it, and the robot rises 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,7 @@ _STANDS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a stop leaves the robot as it is."""
 _TRUNK = np.arange(len(POSTURE))
 _LET_GO = f"let it go first (relax {HEAD_PLACE!r})"
+_HALTED = f"a stop came: hips and trunk stay as they are until relax {HEAD_PLACE!r}, or a target for the whole body"
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class HeadTargets:
         self.halted = False
         self._waiting: list[tuple[Target, float]] = []
         self._held: _Held | None = None
+        self._left: Heard | None = None  # answer to the target that a stop has ended, while the trunk stays
         self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
         self._revisions, self._all_go = Revisions(self._rate), False
 
@@ -125,8 +127,9 @@ class HeadTargets:
         if ended is not None:
             for target, _ in waiting:
                 self._tell(target, "refused", ended)
-            bent = self._held is not None or (playing is not None and self._is_bent(playing, tick))
-            self.halted = (self.halted or bent) and State(int(row.state)) in _STANDS
+            # Asked anew while the stop lasts: a plan that was to begin to bend the legs may never be played.
+            bent = self.halted if playing is None else self._is_bent(playing, tick)
+            self._halt(bent and State(int(row.state)) in _STANDS)
             self._end(ended, over="stopped")
             self._answer_all()
             return
@@ -170,17 +173,26 @@ class HeadTargets:
         """
         if self._held is not None or self.halted:
             self._revisions.change()
-        self.halted = False
+        self._unhalt(over)
         self._end(reason, state, over)
 
-    def begin_with(self, plan: Plan) -> None:
-        """Go on from a plan of another process: hips and trunk stay as they are."""
+    def begin_with(self, plan: Plan, inherited: Sequence[Heard] = ()) -> None:
+        """Go on from a plan of another process: hips and trunk stay as they are.
+
+        Args:
+            inherited: answers of that process to targets that held.
+        """
+        *older, newest = [None, *inherited]
+        for heard in filter(None, older):
+            self._publish(heard.model_copy(update={"over": "superseded"}))
         self.halted = self._is_bent(plan, plan.end_tick)
+        if newest is not None:
+            self._leave(newest)
 
     def rise_if_halted(self) -> None:
         """A robot that a stop has left with bent legs may stand upright: something new is asked of the whole body."""
         if self.halted:
-            self.halted = False
+            self._unhalt("superseded")
             self._revisions.change()
 
     def with_goal(self, goals: PartGoals) -> PartGoals:
@@ -199,6 +211,16 @@ class HeadTargets:
         if self._held is None and not self.halted:
             return None
         return f"the head is at a place of its own: {_LET_GO}"
+
+    def bent(self, playing: Plan | None, tick: float) -> str | None:
+        """Why the legs may need more than in a stand; None: they do not. Also while the robot rises.
+
+        Args:
+            playing: the newest plan that plays or will, at a tick; None: none.
+        """
+        if self.stays is not None or playing is None or not self._is_bent(playing, tick):
+            return self.stays
+        return "the robot still rises from where its head was: ask again when it stands"
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know what holds; 0: none plays."""
@@ -257,7 +279,8 @@ class HeadTargets:
         words = words_of(intent)
         heard = Heard(id=target.id, asked=words, state="accepted", heard_as=HEAD_PLACE, moved=found.moved, holds="part")
         self._supersede("superseded")
-        self.halted, place = False, places.place(found.channels, state.feet, upper)
+        self._unhalt("superseded")
+        place = places.place(found.channels, state.feet, upper)
         corrects = goal.due + _CORRECT_S * self._rate
         self._held = _Held(target, intent, goal, place, goal.due, goal.until, corrects, heard, self._revisions.change())
 
@@ -306,7 +329,7 @@ class HeadTargets:
         if self._held is not None or self.halted:
             self._revisions.change()
         self._supersede("let go")
-        self.halted = False
+        self._unhalt("let go")
 
     def _is_bent(self, plan: Plan, tick: float) -> bool:
         """Whether a plan leads hips and trunk at a tick, to a place or back."""
@@ -357,11 +380,38 @@ class HeadTargets:
         held, self._held = self._held, None
         if held is None:
             return
-        if held.answered:
+        if held.answered and self.halted:
+            self._leave(held.heard)
+        elif held.answered:
             self._publish(held.heard.model_copy(update={"over": over}))
         else:
             self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
         self._on_note(f"over: {held.intent}: {reason}")
+
+    def _halt(self, halts: bool) -> None:
+        """A stop is in force, and hips and trunk stay where it has met them, or the robot stands upright."""
+        if halts and not self.halted:
+            self._on_note(_HALTED)
+        self.halted = halts
+        if not halts:
+            self._unhalt("stopped")
+
+    def _leave(self, heard: Heard) -> None:
+        """A stop has ended the target that was answered so; hips and trunk are still where it has brought them."""
+        if not self.halted:
+            self._publish(heard.model_copy(update={"over": "stopped"}))
+            return
+        if _HALTED not in heard.notes:
+            there = heard.there or "stopped on its way"
+            heard = heard.model_copy(update={"there": there, "notes": (*heard.notes, _HALTED)})
+            self._publish(heard)
+        self._left = heard
+
+    def _unhalt(self, over: Over) -> None:
+        """Hips and trunk stay as a stop has left them no longer; how that ended."""
+        left, self._left, self.halted = self._left, None, False
+        if left is not None:
+            self._publish(left.model_copy(update={"over": over}))
 
     def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""

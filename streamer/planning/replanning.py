@@ -176,11 +176,11 @@ class Replanner:
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
-        now_s = self.ledger.now_s()
-        self.restrictions.update(row, tick - early, now_s, self.parts.held, self.head.stays)
+        now_s, newest = self.ledger.now_s(), self.made.plan(int(row.pending) or int(row.plan))
+        bent = self.head.bent(newest, tick - early)
+        self.restrictions.update(row, tick - early, now_s, self.parts.held, bent)
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         travels, restrictions = self._travels, self.restrictions.restrictions
-        newest = self.made.plan(int(row.pending) or int(row.plan))
         self.feet.update(row, tick - early, now_s, newest, travels, restrictions, self.head.stays)
         needed = "the robot is to walk" if travels else self.feet.comes(newest)
         self.head.update(row, tick - early, now_s, newest, needed, restrictions.caps)
@@ -361,7 +361,9 @@ class Replanner:
         run was started with does not begin by itself after a failure, though no plan was made for it yet.
         """
         self.ledger.take(tick)
-        over = [one for one in self._inherited if one.holds == "part" or not (row.plan or row.pending)]
+        plays = bool(row.plan or row.pending)
+        heads = [one for one in self._inherited if one.heard_as == HEAD_PLACE and plays]
+        over = [one for one in self._inherited if not plays or (one.holds == "part" and one not in heads)]
         self._inherited = [one for one in self._inherited if one not in over]
         for heard in over:
             self._publish(heard.model_copy(update={"over": "stopped"}))
@@ -381,8 +383,8 @@ class Replanner:
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
         self.feet.begin_with(plan)
-        self.head.begin_with(plan)
-        self.restrictions.begin_with(offer.ticket.id, plan, self._inherited)
+        self.head.begin_with(plan, heads)
+        self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in heads])
         self._succeeds, self.ledger.halted = False, True
         return True
 

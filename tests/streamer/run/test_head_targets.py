@@ -156,6 +156,26 @@ def test_feet_and_caps_of_legs_have_to_wait_and_a_kept_foot_does_not(live: Live)
     assert refused.state == "refused" and "the torque of l_knee is capped" in str(refused.reason)
 
 
+@pytest.mark.parametrize("ends", ["relax", "its time", "a walk"])
+def test_a_cap_of_a_leg_was_accepted_while_the_robot_rose_and_was_exceeded(live: Live, ends: str) -> None:
+    """A knee that was capped at .7 N·m just after `relax` made 1.07 N·m on the way up."""
+    assert asked(live, HeadPlace((None, None, 0.35)), 2.2 if ends == "its time" else FOREVER).state == "accepted"
+    go_on(live, 1.5)
+    if ends == "its time":
+        live.until(lambda: "over: head to" in " ".join(notes(live)), "its time to be over")
+    else:
+        live.session.send(Relax("head place") if ends == "relax" else WALK, holds_s=FOREVER)
+    for _ in range(4):  # at once, and on the way up
+        assert head(live)[2] < 0.44
+        refused = asked(live, TorqueCap("left knee", 0.7), FOREVER)
+        assert refused.state == "refused" and str(refused.reason).startswith("torque: the")
+        assert asked(live, TorqueCap("l_el", 1.0), FOREVER).state == "accepted"
+        go_on(live, 0.1)
+    if ends != "a walk":
+        go_on(live, 2.0)
+        assert asked(live, TorqueCap("left knee", 0.7), FOREVER).state == "accepted"
+
+
 def test_over_feet_in_a_stride_it_is_there_as_well(live: Live) -> None:
     assert asked(live, FootPlace("left", (0.06, 0.115), 0.2), FOREVER).state in ("accepted", "slowed")
     refused = asked(live, DOWN)
@@ -194,6 +214,56 @@ def test_a_stop_leaves_the_robot_as_it_is_until_something_new_is_asked_for(live:
     assert_at(live, home, 0.01)
 
 
+@pytest.mark.parametrize("ticks", [0, 1, 4])
+def test_a_stop_right_after_a_target_left_an_upright_robot_that_took_none_for_its_feet(live: Live, ticks: int) -> None:
+    """It counted as bent, and refused feet and caps of legs until `relax`, though the head had never moved."""
+    home = head(live)
+    number = live.session.send(DOWN, holds_s=FOREVER).id
+    for _ in range(ticks):
+        live.session.step()
+    live.session.ask(Request.STOP)
+    go_on(live, 1.5)
+    assert_at(live, home)
+    answer = live.newest[number]
+    assert answer.state == "refused" or answer.over == "stopped"
+    live.session.ask(Request.CLEAR)
+    go_on(live, 0.3)
+    assert asked(live, TorqueCap("left knee", 2.0), FOREVER).state == "accepted"
+    assert asked(live, Relax("torque left knee")).state == "accepted"
+    assert asked(live, FootPlace("left", (0.04, 0.09))).state in ("accepted", "slowed", "moved")
+
+
+@pytest.mark.parametrize("ends", ["relax", "a walk", "a newer place", "a second stop and parking"])
+def test_a_trunk_that_a_stop_had_halted_was_in_no_status_until_it_rose(live: Live, ends: str) -> None:
+    """Its target was told as over, though feet, caps and steps were refused for it."""
+    number = asked(live, DOWN, FOREVER).id
+    go_on(live, 0.4)
+    live.session.ask(Request.STOP)
+    go_on(live, 1.5)
+    live.session.ask(Request.CLEAR)
+    go_on(live, 0.3)
+    left = live.newest[number]
+    assert (left.holds, left.over, left.there) == ("part", None, "stopped on its way")
+    assert "hips and trunk stay as they are until relax 'head place'" in " ".join(left.notes)
+    assert sum("hips and trunk stay" in note for note in notes(live)) == 1
+    match ends:
+        case "relax":
+            assert asked(live, Relax("head place")).state == "accepted"
+        case "a walk":
+            assert asked(live, WALK).state in ("accepted", "slowed")
+        case "a newer place":
+            assert asked(live, HeadPlace((0.0, 0.0, 0.4))).state in ("accepted", "slowed")
+        case _:
+            live.session.ask(Request.STOP)
+            go_on(live, 0.3)
+            assert live.newest[number].over is None
+            live.session.ask(Request.DISARM)
+            live.until_state(State.PARK)
+            go_on(live, 0.1)
+    known = {"relax": "let go", "a walk": "superseded", "a newer place": "superseded"}
+    assert live.newest[number].over == known.get(ends, "stopped")
+
+
 def test_a_stop_on_the_way_back_leaves_it_there_and_a_walk_goes_on_from_it(live: Live) -> None:
     asked(live, DOWN, FOREVER)
     go_on(live, 1.5)
@@ -229,14 +299,17 @@ def test_it_is_parked_from_every_place(live: Live, place: tuple[float, float, fl
 
 def test_a_new_planner_leaves_the_robot_as_it_is(capped: Restarted) -> None:
     assert asked(capped, Relax("torque l_el")).state == "accepted"
-    assert asked(capped, DOWN, FOREVER).state == "accepted"
+    number = asked(capped, DOWN, FOREVER).id
     go_on(capped, 1.5)
     capped.until_state(State.HOLD)
     capped.restart()
     go_on(capped, 0.5)
+    left = capped.newest[number]  # it was told as over, though the trunk stayed and steps were refused for it
+    assert left.over is None and "cm from there" in str(left.there) and "hips and trunk stay" in left.notes[-1]
     assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
     go_on(capped, 1.5)
     assert_at(capped, DOWN.place)
     assert asked(capped, Relax("head place")).state == "accepted"
+    assert capped.newest[number].over == "let go"
     go_on(capped, 2.0)
     assert head(capped)[2] > 0.45
