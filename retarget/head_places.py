@@ -46,6 +46,9 @@ _FINEST = 2.0**-7
 """The search ends with steps of this share of the first ones: .2 mm, 3 and 2 mrad."""
 _ROUNDS = 40
 _PASSES = 3
+_NUDGES, _NUDGE, _NUDGED_M = 4, 1e-3, 5e-4
+"""Newton steps from a posture, differences by which they are taken [m, rad], and where they end [m]: arms shift a head
+by 1 cm."""
 _ROWS = 17
 """Moments of a way at which its torques are judged."""
 _SHORTEST_S, _LONGEST_S = 0.2, 10.0
@@ -84,13 +87,17 @@ class HeadPlaces:
         self._legs = np.concatenate([leg.indices for leg in body.legs])
         self._envelope = Envelope.of(robot)
 
-    def nearest(self, place: Place, tolerance: float, feet: Float, upper: Float) -> HeadPosture:
+    def nearest(
+        self, place: Place, tolerance: float, feet: Float, upper: Float, begin: Float | None = None
+    ) -> HeadPosture:
         """The posture whose head is nearest to a place.
 
         Args:
             place: asked for; tolerance: greatest distance from it [m].
             feet: poses of both soles, (2, 4) [m, m, m, rad].
             upper: angles of arms and head meanwhile, by `UpperBody.joints`, (C,) [rad].
+            begin: a posture whose head was there with other arms, (4,) [m, rad]: where that is enough, the search is
+                short and leads not far from it; None: it is of everything in reach.
 
         Raises:
             ConfigError: it is farther out of reach, and names the nearest place; or the robot file names no head.
@@ -107,7 +114,10 @@ class HeadPlaces:
 
         # The trunk leans and bends for what is asked alone; and bends where the hips cannot be low enough.
         free = np.array([True, known[1], known[0]])
-        found = self._search(cost, free)
+        near = None
+        if begin is not None:
+            near = self._nudged(begin[:3], asked, free | [False, False, begin[2] != 0.0], own, upper)
+        found = self._search(cost, free) if near is None else near
         if not free[2] and cost(found[None])[0] > THERE_M:
             found = self._search(cost, free | [False, False, True])
         heads, stands = self._heads(found[None], own, upper)
@@ -165,6 +175,9 @@ class HeadPlaces:
         Args:
             begin, goal: of `POSTURE`, (4,) [m, rad].
             feet, upper: as of `nearest`.
+
+        Raises:
+            ConfigError: no time is long enough: to stand at a posture on the way needs more.
         """
         share = path_places(np.linspace(0.0, 1.0, _ROWS), 1.0, 0.0, 0.5)
         channels = np.hstack([begin + share[:, None] * (goal - begin), np.broadcast_to(upper, (_ROWS, len(upper)))])
@@ -172,8 +185,13 @@ class HeadPlaces:
         middle = np.broadcast_to(feet[:, :2].mean(axis=0), (_ROWS, 2))
         base, q, _, _ = self._body.solve(own, middle, channels, np.zeros(2), _PASSES, smooth=False)
         seconds = short = _SHORTEST_S
-        while seconds < _LONGEST_S and self._load(base, q, own, seconds) > _LOAD:
-            short, seconds = seconds, 2.0 * seconds
+        while (load := self._load(base, q, own, seconds)) > _LOAD:
+            if seconds >= _LONGEST_S:
+                raise ConfigError(
+                    f"head: the legs' servos need {load:.2f} of their envelope on a way of {_LONGEST_S:g} s there or "
+                    f"back; expected {_LOAD:g} at most: ask for a place that is nearer to the stand"
+                )
+            short, seconds = seconds, min(2.0 * seconds, _LONGEST_S)
         for _ in range(_HALVINGS if seconds > short else 0):
             half = 0.5 * (short + seconds)
             needs = self._load(base, q, own, half)
@@ -203,9 +221,7 @@ class HeadPlaces:
             cost: of many, (N, 3) to (N,), infinite where the robot cannot stand so.
             free: those that may be other than 0, (3,).
         """
-        gait = self._robot.gait
-        lower = np.where(free, [gait.min_hip_height, -_STEEPEST, -_BACK], 0.0)
-        upper = np.where(free, [gait.stand_hip_height, _STEEPEST, _STEEPEST], 0.0)
+        lower, upper = self._bounds(free)
         counts = np.where(free, _POINTS, 1)
         lines = [np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True)]
         grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -225,6 +241,32 @@ class HeadPlaces:
             else:
                 break
         return best
+
+    def _nudged(self, begin: Float, asked: Float, free: NDArray[np.bool_], feet: Float, upper: Float) -> Float | None:
+        """Height, roll and pitch near others whose head is where it is asked to be, (3,); None: Newton finds none.
+
+        Args:
+            asked: place, not a number where it is free, (3,) [m]; free: as of `_search`; feet, upper: as of `_heads`.
+        """
+        known, steps = np.isfinite(asked), _NUDGE * np.eye(3)[free]
+        lower, highest = self._bounds(free)
+        found = begin.copy()
+        for _ in range(_NUDGES):
+            heads, stands = self._heads(np.vstack([found[None], found - steps]), feet, upper)
+            off = (asked - heads[0])[known]
+            if np.linalg.norm(off) <= _NUDGED_M:
+                return found if stands[0] else None
+            slope = (heads[0] - heads[1:])[:, known] / _NUDGE
+            found[free] += np.linalg.lstsq(slope.T, off)[0]
+            if (found < lower).any() or (found > highest).any():
+                return None
+        return None
+
+    def _bounds(self, free: NDArray[np.bool_]) -> tuple[Float, Float]:
+        """Least and greatest heights, rolls and pitches that are tried, (3,) each; `free`: as of `_search`."""
+        gait = self._robot.gait
+        lower = np.where(free, [gait.min_hip_height, -_STEEPEST, -_BACK], 0.0)
+        return lower, np.where(free, [gait.stand_hip_height, _STEEPEST, _STEEPEST], 0.0)
 
     def _heads(self, tried: Float, feet: Float, upper: Float) -> tuple[Float, NDArray[np.bool_]]:
         """Places of the head (N, 3) [m] at heights, rolls and pitches (N, 3), and which of these the robot can hold.

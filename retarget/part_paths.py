@@ -25,7 +25,7 @@ Float = NDArray[np.float64]
 FADE_S = 0.8
 """Least time in which a joint goes back to the human, or to the stand pose [s]."""
 LONGEST_FADE_S = 2.5
-"""Greatest one, with the time until the filter is there [s]."""
+"""Greatest one of arms and head, with the time until the filter is there [s]."""
 _SETTLE_S = 0.4
 """Time that the filter has after that until it is there: eight of its time constants [s]."""
 _SHARE = 0.9
@@ -212,11 +212,12 @@ class PartPaths:
             (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
             np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * np.minimum(self._follower.acceleration, state.part_bound))),
         )
-        seconds = np.maximum(seconds, state.part_back)
+        # The bounds are those of a smooth way; what the legs' servos need on it is judged elsewhere, and is never cut.
+        seconds = np.maximum(np.clip(seconds, FADE_S, LONGEST_FADE_S - _SETTLE_S), state.part_back)
         for number in np.unique(state.part[state.part != 0]):
             own = state.part == number
             seconds[own] = seconds[own].max()
-        return np.clip(seconds, FADE_S, LONGEST_FADE_S - _SETTLE_S) * self._rate
+        return seconds * self._rate
 
     def _path(self, state: RetargetState, channel: int, ticks: Float) -> Float:
         """Targets for which the filter's output is the path, (T,)."""

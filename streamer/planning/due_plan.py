@@ -93,6 +93,12 @@ class DuePlan:
             return True
         return not ticket.source_over and (self.records.push.sway is not None or self._goes_on(row))
 
+    def urgent(self, row: TickRow, target: Target) -> bool:
+        """Whether somebody waits for a plan: for a stop, or for something new; arguments of `now`."""
+        last, tick = int(row.pending) or int(row.plan), int(row.tick) + 1
+        beside = any(records.wants(last, tick) for records in self._records_beside)
+        return bool(row.must_stop) or self.is_new(target, row) or self.changes or beside
+
     def kind(self, row: TickRow, target: Target) -> Kind:
         """The kind of plan that is due; arguments of `now`."""
         new = self.is_new(target, row)

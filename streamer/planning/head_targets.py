@@ -55,6 +55,7 @@ class _Held:
         due: tick at which it is asked to be there; until: tick at which it is over.
         corrects: tick from which its goal may be corrected for the weight of arms.
         there: tick at which it is there by the plan.
+        kept: its goal could not be corrected for the weight of arms, which was told.
     """
 
     target: Target
@@ -68,6 +69,7 @@ class _Held:
     revision: int
     answered: bool = False
     there: float = math.inf
+    kept: bool = False
 
 
 class HeadTargets:
@@ -111,6 +113,8 @@ class HeadTargets:
         playing: Plan | None,
         needed: str | None,
         caps: Mapping[int, float],
+        *,
+        urgent: bool = False,
     ) -> None:
         """Take what has arrived, and answer what is known.
 
@@ -120,6 +124,7 @@ class HeadTargets:
             playing: the newest plan that plays or will; None: none.
             needed: for what the robot needs its feet; None: for nothing.
             caps: torque caps that hold, by column of the joint [N·m].
+            urgent: somebody waits for a plan: what takes long and can wait does.
         """
         waiting, self._waiting = self._waiting, []
         all_go, self._all_go = self._all_go, False
@@ -142,7 +147,8 @@ class HeadTargets:
             self.give_way(needed)
         if all_go:
             self._rise()
-        self._correct(tick, playing)
+        if not (urgent or waiting):
+            self._correct(tick, playing)
         for target, born_s in waiting:
             if target.too_late(now_s - born_s):
                 self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
@@ -180,14 +186,11 @@ class HeadTargets:
         """Go on from a plan of another process: hips and trunk stay as they are.
 
         Args:
-            inherited: answers of that process to targets that held.
+            inherited: the answer of that process to the target that held, where one did.
         """
-        *older, newest = [None, *inherited]
-        for heard in filter(None, older):
-            self._publish(heard.model_copy(update={"over": "superseded"}))
         self.halted = self._is_bent(plan, plan.end_tick)
-        if newest is not None:
-            self._leave(newest)
+        for heard in inherited:
+            self._leave(heard)
 
     def rise_if_halted(self) -> None:
         """A robot that a stop has left with bent legs may stand upright: something new is asked of the whole body."""
@@ -266,16 +269,9 @@ class HeadTargets:
             )
         state, places, upper = self._state(playing, tick), retargeter.head_places, self._arms(playing, tick)
         found = places.nearest(intent.place, intent.tolerance, state.feet, upper)
-        upright = np.array([retargeter.gait.stand_hip_height, 0.0, 0.0, found.channels[3]])
-        goal = PartGoal(
-            target.id,
-            _TRUNK,
-            found.channels,
-            due=born + intent.in_s * self._rate,
-            until=born + target.holds_s * self._rate,
-            least_s=places.seconds(state.position[_TRUNK], found.channels, state.feet, upper),
-            back_s=places.seconds(found.channels, upright, state.feet, upper),
-        )
+        least_s, back_s = self._seconds(state, found.channels, upper)
+        due, until = born + intent.in_s * self._rate, born + target.holds_s * self._rate
+        goal = PartGoal(target.id, _TRUNK, found.channels, due, until, least_s=least_s, back_s=back_s)
         words = words_of(intent)
         heard = Heard(id=target.id, asked=words, state="accepted", heard_as=HEAD_PLACE, moved=found.moved, holds="part")
         self._supersede("superseded")
@@ -289,18 +285,32 @@ class HeadTargets:
         held = self._held
         if held is None or not held.answered or playing is None or tick < held.corrects:
             return
-        places, feet, upper = self._retargeter.head_places, self._state(playing, tick).feet, self._arms(playing, tick)
-        held = replace(held, corrects=tick + _CORRECT_S * self._rate)
+        places, state, upper = self._retargeter.head_places, self._state(playing, tick), self._arms(playing, tick)
+        feet, soon = state.feet, tick + _CORRECT_S * self._rate
+        held = replace(held, corrects=soon)
         if np.linalg.norm(places.place(held.goal.angles, feet, upper) - held.place) > _OFF_M:
             try:
-                found = places.nearest(held.intent.place, np.inf, feet, upper)
-            except ConfigError:
-                self._held = held  # as it is: with arms as they are now it could not stand otherwise
+                found = places.nearest(held.intent.place, np.inf, feet, upper, held.goal.angles)
+                least_s, back_s = self._seconds(state, found.channels, upper)
+            except ConfigError as error:
+                if not held.kept:
+                    self._on_note(f"{HEAD_PLACE}: the weight of the arms is not made up for: {error}")
+                self._held = replace(held, kept=True)
                 return
-            goal = replace(held.goal, angles=found.channels, due=min(tick + _CORRECT_S * self._rate, held.goal.until))
-            held = replace(held, goal=goal, place=places.place(found.channels, feet, upper))
+            due = min(soon, held.goal.until)
+            goal = replace(held.goal, angles=found.channels, due=due, least_s=least_s, back_s=back_s)
+            held = replace(held, goal=goal, place=places.place(found.channels, feet, upper), kept=False)
             self._revisions.change()
         self._held = held
+
+    def _seconds(self, state: RetargetState, goal: Float, upper: Float) -> tuple[float, float]:
+        """Least times for the way from a state to a posture, and from there to the stand [s]; `HeadPlaces.seconds`."""
+        places, upright = (
+            self._retargeter.head_places,
+            np.array([self._retargeter.gait.stand_hip_height, 0, 0, goal[3]]),
+        )
+        there = places.seconds(state.position[_TRUNK], goal, state.feet, upper)
+        return there, places.seconds(goal, upright, state.feet, upper)
 
     def _state(self, playing: Plan | None, tick: float) -> RetargetState:
         """The state of a plan at a tick; None: of the stand."""

@@ -183,7 +183,8 @@ class Replanner:
         travels, restrictions = self._travels, self.restrictions.restrictions
         self.feet.update(row, tick - early, now_s, newest, travels, restrictions, self.head.stays)
         needed = "the robot is to walk" if travels else self.feet.comes(newest)
-        self.head.update(row, tick - early, now_s, newest, needed, restrictions.caps)
+        urgent = self._due.urgent(row, target)
+        self.head.update(row, tick - early, now_s, newest, needed, restrictions.caps, urgent=urgent)
         if self._mirroring is not None:
             self._mirroring.update(tick)
         if not self._due.now(row, target):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flexmotion.configs.errors import ConfigError
@@ -125,6 +126,33 @@ def test_a_way_takes_the_longer_the_more_the_legs_bend_and_a_rise_longer_than_a_
     assert 0.2 <= down < far_down < 1.2
     assert far_down < PLACES.seconds(lower, stand, FEET, ARMS) < 2.0
     assert PLACES.seconds(low, low, FEET, ARMS) == pytest.approx(0.2)
+
+
+def test_a_way_that_needs_too_much_however_long_it_takes_was_given_13_s_and_is_refused() -> None:
+    """Servos a quarter as strong cannot hold the knees there for good."""
+    weak = HeadPlaces(ROBOT, BODY, RETARGETER.bend)
+    envelope = weak._envelope
+    weak._envelope = replace(envelope, stall=0.25 * envelope.stall, usable=0.25 * envelope.usable)
+    stand, low = np.array([0.203, 0.0, 0.0, 0.0]), np.array([0.125, 0.0, 0.0, 0.0])
+    with pytest.raises(ConfigError, match="of their envelope on a way of 10 s .*nearer to the stand"):
+        weak.seconds(stand, low, FEET, ARMS)
+
+
+@settings(max_examples=15, deadline=None)
+@given(ANYWHERE, st.floats(-0.8, 1.5))
+def test_a_posture_is_found_again_for_other_arms_near_the_last_one_if_it_is_anywhere(
+    asked: tuple[float, float, float], ahead: float
+) -> None:
+    """A search everywhere takes 50 ms, which a planner does not have every half second."""
+    arms = ARMS + ahead * np.isin(np.arange(len(ARMS)), [0, 3]) * np.where(np.arange(len(ARMS)) < 3, -1.0, 1.0)
+    last = PLACES.nearest(asked, FAR, FEET, ARMS)
+    try:
+        whole = PLACES.nearest(asked, FAR, FEET, arms)
+    except ConfigError:
+        assume(False)
+    near = PLACES.nearest(asked, FAR, FEET, arms, last.channels)
+    gaps = [np.linalg.norm(PLACES.place(one.channels, FEET, arms) - asked) for one in (near, whole)]
+    assert gaps[0] <= max(gaps[1], THERE_M) + 1e-6
 
 
 def test_a_robot_whose_file_names_no_head_says_so(tmp_path: Path) -> None:

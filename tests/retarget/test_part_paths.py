@@ -222,3 +222,11 @@ def test_a_goal_whose_angles_change_is_gone_on_to_from_where_it_was(retargeter: 
     again = stands(retargeter, bends(150.0, angles=moved), after=first, join=90)
     path = trunk(retargeter, again)
     assert path[0] == pytest.approx(LOW, abs=2e-3) and path[70] == pytest.approx(moved, abs=1e-3)
+
+
+def test_a_trunk_whose_way_back_was_judged_to_need_3_s_takes_them(retargeter: Retargeter) -> None:
+    """It was cut to 2.1 s, the longest that an arm takes."""
+    bent = np.array([0.15, 0.0, 0.2, 0.0])
+    trunk = PartGoal(7, np.arange(4), bent, 60.0, 80.0, back_s=3.0)
+    state = retargeter.layout.view(stands(retargeter, trunk).states[0].copy())
+    assert retargeter.parts.upright(state, 100.0) == pytest.approx(80.0 + 3.0 * RATE)

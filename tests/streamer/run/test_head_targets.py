@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
 import pytest
 
 from benchmarks.robot.head_places import Measured
+from flexmotion.configs.errors import ConfigError
+from flexmotion.retarget.head_places import HeadPlaces
+from flexmotion.retarget.part_paths import PartGoal, PartGoals
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, TorqueCap
 from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.planning.head_targets import HeadTargets
 from flexmotion.streamer.run.requests import Request
 
 from .test_live_targets import Live
@@ -108,6 +115,74 @@ def test_hands_looks_and_gestures_go_on_and_the_weight_of_the_arms_is_made_up_fo
     go_on(live, 2.0)
     assert_at(live, DOWN.place, 0.015)
     assert greatest_tilt(live) < 0.6
+
+
+def test_a_correction_for_the_arms_took_as_long_as_the_whole_way_did(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A few millimetres took the 1.1 s that the servos need for all of the way down."""
+    goals, with_goal = list[PartGoal](), HeadTargets.with_goal
+
+    def seen(self: HeadTargets, parts: PartGoals) -> PartGoals:
+        found = with_goal(self, parts)
+        goals.append(found.goals[-1])
+        return found
+
+    low = HeadPlace((0.09, 0.0, 0.35), in_s=0.1)
+    assert asked(live, low, FOREVER).state == "slowed"
+    go_on(live, 2.0)
+    monkeypatch.setattr(HeadTargets, "with_goal", seen)
+    assert asked(live, Hand("left", (0.15, 0.1, 0.1), in_s=0.5), FOREVER).state in ("accepted", "slowed")
+    assert asked(live, Hand("right", (0.15, -0.1, 0.1), in_s=0.5), FOREVER).state in ("accepted", "slowed")
+    go_on(live, 1.0)
+    before, after = goals[0], goals[-1]
+    assert before.number == after.number and (after.angles != before.angles).any()
+    assert before.least_s > 0.9 and after.least_s < 0.5
+    assert after.back_s == pytest.approx(before.back_s, abs=0.3)
+
+
+@pytest.mark.parametrize("asks", ["a motion", "a hand", "a head"])
+def test_whoever_asked_for_something_new_waited_for_a_correction(
+    live: Live, monkeypatch: pytest.MonkeyPatch, asks: str
+) -> None:
+    """A search for a posture took 50 ms before the plan that was waited for."""
+    assert asked(live, DOWN, FOREVER).state == "accepted"
+    go_on(live, 2.0)
+    done, update, correct = list[str](), HeadTargets.update, HeadTargets._correct
+
+    def updated(self: HeadTargets, *args: Any, urgent: bool) -> None:
+        done.append("urgent" if urgent or self._waiting else "update")
+        update(self, *args, urgent=urgent)
+
+    def corrected(self: HeadTargets, *args: Any) -> None:
+        done.append("correction")
+        correct(self, *args)
+
+    monkeypatch.setattr(HeadTargets, "update", updated)
+    monkeypatch.setattr(HeadTargets, "_correct", corrected)
+    intents = {"a motion": Text("wave"), "a hand": Hand("left", (0.15, 0.1, 0.1)), "a head": HeadPlace((0.0, 0.0, 0.4))}
+    assert asked(live, intents[asks], FOREVER).state in ("accepted", "slowed")
+    go_on(live, 0.2)
+    assert "urgent" in done and "correction" in done
+    assert all(after != "correction" for before, after in pairwise(done) if before == "urgent")
+
+
+def test_arms_with_which_no_posture_stands_leave_the_head_as_it_is_and_tell_it_once(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert asked(live, DOWN, FOREVER).state == "accepted"
+    go_on(live, 1.5)
+
+    def nowhere(*_: object) -> None:
+        raise ConfigError("head: the robot cannot stand otherwise")
+
+    monkeypatch.setattr(HeadPlaces, "nearest", nowhere)
+    assert asked(live, Hand("left", (0.15, 0.1, 0.1), in_s=0.5), FOREVER).state in ("accepted", "slowed")
+    assert asked(live, Hand("right", (0.15, -0.1, 0.1), in_s=0.5), FOREVER).state in ("accepted", "slowed")
+    go_on(live, 2.5)
+    assert sum("the weight of the arms is not made up for" in note for note in notes(live)) == 1
+    assert live.session.state.ladder in (State.STREAMING, State.HOLD)
+    assert_at(live, DOWN.place, 0.02)
 
 
 def test_a_walk_ends_it_and_no_foot_lifts_before_the_robot_has_risen(live: Live) -> None:
