@@ -392,7 +392,8 @@ class HeadTargets:
             return
         if held.answered and self.halted:
             self._leave(held.heard)
-        elif held.answered:
+            return
+        if held.answered:
             self._publish(held.heard.model_copy(update={"over": over}))
         else:
             self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))

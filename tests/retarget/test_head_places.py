@@ -151,7 +151,7 @@ def test_a_posture_is_found_again_for_other_arms_near_the_last_one_if_it_is_anyw
     except ConfigError:
         assume(False)
     near = PLACES.nearest(asked, FAR, FEET, arms, last.channels)
-    gaps = [np.linalg.norm(PLACES.place(one.channels, FEET, arms) - asked) for one in (near, whole)]
+    gaps = [float(np.linalg.norm(PLACES.place(one.channels, FEET, arms) - asked)) for one in (near, whole)]
     assert gaps[0] <= max(gaps[1], THERE_M) + 1e-6
 
 
