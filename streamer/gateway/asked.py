@@ -98,11 +98,13 @@ class Waiter:
 
     Attributes:
         source, id: of its message; on_end: takes its end.
+        part: it is a part, which a stop ends.
     """
 
     source: str
     id: str | None
     on_end: OnEnd
+    part: bool
 
     def tell(self, target: int, end: TargetEnd, done: str | None = None) -> None:
         """Tell the end of the target of this number; `done`: what was measured of it, in words."""

@@ -339,7 +339,8 @@ class Desk:
             asked: the message of this gateway that it answers; None: of another sender, or a later version.
         """
         if asked is not None and asked.on_end is not None and heard.tick is not None:
-            self._waiters[heard.id] = Waiter(asked.message.source, asked.message.id, asked.on_end)
+            message = asked.message
+            self._waiters[heard.id] = Waiter(message.source, message.id, asked.on_end, heard.holds == "part")
         if heard.id not in self._waiters:
             return
         if heard.there is not None:
@@ -355,11 +356,16 @@ class Desk:
         """Read what holds, if it has changed; nothing does without torque, whatever a planner has told that died."""
         if row is not None and State(int(row.state)) not in _FOLLOWS:
             self.holding, self._held_changes = [], 0
-            while self._waiters:
-                number, waiter = self._waiters.popitem()
-                waiter.tell(number, "stopped")
-        elif (changes := self._channel.held_changes) != self._held_changes:
+            self._stop_waiting(list(self._waiters))
+            return
+        if row is not None and row.must_stop:
+            self._stop_waiting([number for number, one in self._waiters.items() if one.part])
+        if (changes := self._channel.held_changes) != self._held_changes:
             self.holding, self._held_changes = self._channel.held, changes
+
+    def _stop_waiting(self, numbers: list[int]) -> None:
+        for number in numbers:
+            self._waiters.pop(number).tell(number, "stopped")
 
     def _match(self, new: list[Event], row: TickRow | None) -> None:
         """Reply to the requests that the loop has taken; to most of them once their effect is known.

@@ -413,8 +413,8 @@ class HeadTargets:
             self._publish(heard.model_copy(update={"over": "stopped"}))
             return
         if _HALTED not in heard.notes:
-            there = heard.there or "stopped on its way"
-            heard = heard.model_copy(update={"there": there, "notes": (*heard.notes, _HALTED)})
+            missed = heard.missed if heard.there is not None else heard.missed or "stopped on its way"
+            heard = heard.model_copy(update={"missed": missed, "notes": (*heard.notes, _HALTED)})
             self._publish(heard)
         self._left = heard
 

@@ -218,6 +218,19 @@ def test_a_part_that_never_gets_there_has_another_end(make_office: Make, over: s
     assert [(ended.end, ended.done) for ended in ends] == [(end, None)] and holding(office) == []
 
 
+def test_a_stop_ends_the_wait_for_a_part_and_not_that_for_a_restriction(make_office: Make) -> None:
+    """A head that was stopped on its way stays there, and was told as done."""
+    office = make_office()
+    head, head_ends = held(office, '{"type":"head","position_m":[0,0,0.4]}', "head place")
+    _, foot_ends = held(office, '{"type":"contact","foot":"left"}', "left foot", "restriction")
+    office.run.stopped = True
+    office.run.step()
+    office.desk.pump()
+    later(office, head, "head place", missed="stopped on its way")
+    assert [(ended.end, ended.done) for ended in head_ends] == [("stopped", None)] and foot_ends == []
+    assert [part for part, _, _ in holding(office)] == ["head place", "left foot"]
+
+
 def test_nothing_holds_without_torque_whatever_a_planner_tells(make_office: Make) -> None:
     """A planner that has died tells nothing."""
     office = make_office()

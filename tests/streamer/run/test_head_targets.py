@@ -318,7 +318,7 @@ def test_a_trunk_that_a_stop_had_halted_was_in_no_status_until_it_rose(live: Liv
     live.session.ask(Request.CLEAR)
     go_on(live, 0.3)
     left = live.newest[number]
-    assert (left.holds, left.over, left.there) == ("part", None, "stopped on its way")
+    assert (left.holds, left.over, left.missed) == ("part", None, "stopped on its way")
     assert "hips and trunk stay as they are until relax 'head place'" in " ".join(left.notes)
     assert sum("hips and trunk stay" in note for note in notes(live)) == 1
     match ends:
