@@ -270,11 +270,13 @@ class Replanner:
     def _tell_eased(self, plan: Plan, target: int) -> None:
         """Tell where a plan had to be eased; a target that is refused for it is followed no longer."""
         note = self._ease_notes.of(plan, target)
-        if note is None:
-            return
-        self.on_note(note.message)
-        if target and self.ledger.amend(target, note.answer):
-            self.ledger.halted |= note.slowed is None
+        if note is not None:
+            self.on_note(note.message)
+            if target:
+                self.ledger.amend(target, note.answer)
+        # Also where that was told already: the loop may have refused the first plan that said so.
+        if target and target == self.ledger.wanted.id and plan.eased is not None and plan.eased.refused:
+            self.ledger.halted = True
 
     def _tell_withheld(self, plan: Plan, target: int) -> None:
         """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is.
@@ -433,7 +435,10 @@ class Replanner:
         """A step of a program has ended."""
         followed = self.ledger.answer
         if followed is not None and followed.id == heard.id:
-            heard = heard.model_copy(update={"at_s": followed.at_s, "tick": followed.tick})
+            known: dict[str, object] = {"at_s": followed.at_s, "tick": followed.tick}
+            if followed.state == "refused":  # its program ends with it, and knows nothing of why
+                known |= {"state": followed.state, "reason": followed.reason}
+            heard = heard.model_copy(update=known)
         last = [step for step in heard.steps if step.end is not None][-1:]
         for step in last:
             self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")

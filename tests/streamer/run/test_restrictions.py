@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.control.plan_buffer import Offer
+from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, heard_since
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
@@ -165,6 +169,34 @@ def test_a_cap_below_what_standing_needs_is_refused_and_a_walk_beyond_one_is_not
     assert not lifts(live, LEFT, begin) and not lifts(live, RIGHT, begin)
     robot, ticks = live.session.robot, live.session.record.ticks
     assert np.abs(ticks.torque_ref[begin:, robot.index("l_knee")]).max() <= 1.0
+
+
+def test_a_walk_that_a_cap_refused_is_not_walked_once_the_cap_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was, where the loop had refused the first plan that said so: it came too late, as on a busy machine."""
+    robot, acceptable = load_robot("op3"), PlanIntake._acceptable
+    walks, refused = list[int](), list[int]()
+
+    def late(intake: PlanIntake, offer: Offer, *arguments: Any, **known: Any) -> bool:
+        if offer.ticket.target in walks and not refused:
+            refused.append(offer.ticket.target)
+            return False
+        return acceptable(intake, offer, *arguments, **known)
+
+    monkeypatch.setattr(PlanIntake, "_acceptable", late)
+    with api.open_session(robot, "sim", api.open_source(robot, Text("stand still"), seed=1), seed=1) as session:
+        session.advance(5.0)
+        session.send(TorqueCap("knee", 1.5), holds_s=FOREVER)
+        session.advance(1.0)
+        walks.append(session.send(Text("walk half a metre")).id)
+        begin = session.record.ticks.odometry[-1, :2].copy()
+        session.advance(1.0)
+        session.send(Relax("torque knee"))
+        session.advance(3.0)
+        assert refused == walks
+        assert np.linalg.norm(session.record.ticks.odometry[-1, :2] - begin) < 0.02
+        assert session.state.ladder is State.HOLD
+        (answer,) = (heard for heard in session.heard if heard.id in walks)
+        assert answer.state == "refused" and "however it is eased" in str(answer.reason)
 
 
 def test_restrictions_hold_through_a_stop_and_end_without_torque_or_with_all(live: Live) -> None:
