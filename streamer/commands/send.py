@@ -12,7 +12,7 @@ import typer
 from flexmotion.streamer.commands.answer_text import answer_line, ended_line, status_lines, stop_line
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import grouped
-from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.part_options import PartOptions
 from flexmotion.streamer.commands.run_address import RunAddress
 
@@ -27,6 +27,8 @@ _ENDING = (
     *("--hand", "--foot", "--head", "--point", "--look", "--joint"),
 )
 """What `--wait` can wait for."""
+_RESTRICTING = ("--contact", "--torque", "--tension")
+"""What ends with its time alone."""
 
 
 def _present(answer: Answer, as_json: bool) -> None:
@@ -174,8 +176,9 @@ def send(
     moved = given_parts - {"--relax", "--contact", "--torque", "--tension"}
     if part.in_s is not None and not moved:
         raise typer.BadParameter("--in is that of a --hand, --foot, --head, --point, --look or --joint")
-    if wait and chosen[0] not in _ENDING:
-        raise typer.BadParameter(f"--wait is that of {', '.join(_ENDING)}: nothing else ends by itself")
+    if wait and chosen[0] not in _ENDING and not (seconds is not None and chosen[0] in _RESTRICTING):
+        expected = f"{', '.join(_ENDING)}, and with --for of {', '.join(_RESTRICTING)}"
+        raise typer.BadParameter(f"--wait is that of {expected}: nothing else ends by itself")
     if turning is not None and turn is None:
         raise typer.BadParameter("--turning is that of a --heading")
     radians = None if heading is None else math.radians(heading)
@@ -202,6 +205,8 @@ def send(
             client.take()
         answer = client.ask({**message, "ttl_s": seconds})
         _present(answer, run.as_json)
+        if wait and not run.as_json:
+            print_note("waits for its end; Ctrl-C ends the wait, and not what the robot does")
         ended = client.wait(answer) if wait else None
     if ended is None:
         return

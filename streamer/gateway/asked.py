@@ -22,6 +22,9 @@ WHOLE_BODY = "whole body"
 _SOURCES = 256
 """Sources whose sequence numbers are remembered."""
 
+MEASURED_S = 2.0
+"""Longest time from a stand to the measurement of what the robot has done until then [s]."""
+
 TYPED_STOP = "taken as STOP: targets are refused until `clear`; EMERGENCY STOP is its own button, or `flexmotion estop`"
 """What is answered to words of alarm. They are told from others by a list of words: no emergency stop depends on it."""
 
@@ -68,7 +71,8 @@ class Following:
         stamp_s: when it was accepted, on the gateway's clock [s].
         holds_s: it is over after this time [s].
         on_end: takes its end.
-        last: its last step, in the newest version of the planner's answer; None: it has no steps.
+        steps: its steps, in the newest version of the planner's answer.
+        stood_s: since when the robot stands though it is followed [s]; None: it does not.
         end: how it has ended; None: it goes on, or has no end.
     """
 
@@ -78,15 +82,33 @@ class Following:
     stamp_s: float
     holds_s: float = math.inf
     on_end: OnEnd | None = None
-    last: HeardStep | None = None
+    steps: tuple[HeardStep, ...] = ()
+    stood_s: float | None = None
     end: TargetEnd | None = None
+
+    @property
+    def last(self) -> HeardStep | None:
+        """Its last step; None: it has none."""
+        return self.steps[-1] if self.steps else None
+
+    @property
+    def stands_s(self) -> float:
+        """How long the robot may stand while it is followed, until it is over [s]: for what is still measured."""
+        last, now = self.last, next((step for step in self.steps if step.end is None), None)
+        if last is None or (last.amount is None and last.limit_s is None):
+            return 0.0
+        waits_s = now.amount if now is not None and now.unit == "time" else None
+        return MEASURED_S + (waits_s or 0.0)
 
     def ended(self, end: TargetEnd) -> Following:
         """The same at its end, of which its sender is told once."""
         if self.end is not None:
             return self
         if self.on_end is not None and self.answer.target is not None:
-            done = None if self.last is None or self.last.end is None else self.last.done
+            over = [step for step in self.steps if step.end is not None]
+            done = over[0].done if len(self.steps) == 1 and over else None
+            if len(self.steps) > 1 and over:
+                done = "; ".join(f"{step.text}: {step.done}" for step in over)
             answer = self.answer
             self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))
         return replace(self, end=end)

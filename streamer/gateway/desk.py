@@ -46,7 +46,7 @@ from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, Over, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
-from flexmotion.streamer.motion.part_intents import RELAXES, PartIntent, Relax
+from flexmotion.streamer.motion.part_intents import PLACE_OF, RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import RequestChannel
@@ -294,8 +294,8 @@ class Desk:
             return
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
-                last = heard.steps[-1] if heard.steps else None
-                self.following = replace(self.following, last=last)
+                self.following = replace(self.following, steps=heard.steps, stood_s=None)
+                last = self.following.last
                 if last is not None and last.end is not None:
                     self.following = self.following.ended(last.end)
                 elif heard.state == "refused":  # given up: its plan would pass the servos' envelope
@@ -306,7 +306,7 @@ class Desk:
             heard.state,
             heard.reason,
             target=heard.id,
-            part=None if part == WHOLE_BODY else part,
+            part=None if part == WHOLE_BODY or part is None else part.removeprefix(PLACE_OF),
             tick=heard.tick,
             heard_as=heard.heard_as,
             certainty=None if heard.certainty is None else round(heard.certainty, 3),
@@ -322,7 +322,7 @@ class Desk:
         if told.state in FOLLOWED and asked.intent is not None:
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
-            self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end), "superseded")
+            self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end, heard.steps), "superseded")
         elif told.state == "refused" and told.tick is not None:
             self._follow(None, "superseded")  # it stands still
 
@@ -397,7 +397,14 @@ class Desk:
             tick = self.following.answer.tick
             stands = self.following.answer.heard_as == STAND or self.following.asked.keys() & _STANDS_AFTER
             if tick is not None and int(row.tick) > tick:
-                self.following = self.following.ended("done" if stands else "stopped")
+                now = time.perf_counter()
+                since_s = now if self.following.stood_s is None else self.following.stood_s
+                self.following = replace(self.following, stood_s=since_s)
+                # What was measured is told a moment after the robot has come to a stand.
+                if stands or now - since_s >= self.following.stands_s:
+                    self.following = self.following.ended("done" if stands else "stopped")
+        elif self.following is not None:
+            self.following = replace(self.following, stood_s=None)
         for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)

@@ -26,7 +26,7 @@ LONGEST_S = 10.0
 LEAST_DIRECTION = 1e-3
 """Least length of a direction."""
 _WIDEST_RAD = math.pi
-_PLACE_OF = "place of "
+PLACE_OF = "place of "
 """How the name of the part of a foot's place begins."""
 RELAXES = "relax "
 """How the name of the part of a `Relax` begins, where targets wait by part."""
@@ -126,7 +126,7 @@ class FootPlace(Logged):
     @property
     def part(self) -> str:
         """See `Hand.part`; a foot that is kept down is another part: neither replaces the other unread."""
-        return f"{_PLACE_OF}{FOOT_PARTS[self.side]}"
+        return f"{PLACE_OF}{FOOT_PARTS[self.side]}"
 
     def __str__(self) -> str:
         turned = f", {self.heading:.3g} rad" if self.heading else ""
@@ -292,9 +292,9 @@ class Relax(Logged):
 
     def ends(self, part: str) -> bool:
         """Whether it lets a part go, by the name that its intent has."""
-        if self.part == FOOT_PARTS["both"] and part.startswith(_PLACE_OF):
+        if self.part == FOOT_PARTS["both"] and part.startswith(PLACE_OF):
             return True
-        return self.part in ("all", part) or part == f"{_PLACE_OF}{self.part}"
+        return self.part in ("all", part) or part == f"{PLACE_OF}{self.part}"
 
     def __str__(self) -> str:
         return f"relax {self.part}"

@@ -6,7 +6,7 @@ on from where the feet are then. It replaces no target for the whole body; one t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
 _LATE_S = 0.05
 """A foot that is there later than asked by more than this is called slowed [s]."""
@@ -79,6 +79,7 @@ class FootTargets:
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
         self.astride = False
+        self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._going: list[str] = []  # parts that were let go since the last update
         self._held: _Held | None = None
@@ -313,7 +314,7 @@ class FootTargets:
 
     def _relax(self, target: Target, intent: Relax) -> None:
         if not self.holds(intent.part):
-            raise ConfigError(f"relax: {intent.part!r} is asked for nothing")
+            raise not_held(intent.part, self.all_held())
         if self._weak_leg:
             raise ConfigError(f"relax: {self._weak_leg}")
         self._let_feet_go()

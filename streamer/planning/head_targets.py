@@ -7,7 +7,7 @@ target for the whole body; one that needs the feet ends it, and the robot rises 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from flexmotion.streamer.motion.part_intents import HEAD_PLACE, HeadPlace, Relax
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
 Float = NDArray[np.float64]
 
@@ -89,6 +89,7 @@ class HeadTargets:
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
         self.halted = False
+        self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._held: _Held | None = None
         self._left: Heard | None = None  # answer to the target that a stop has ended, while the trunk stays
@@ -330,7 +331,7 @@ class HeadTargets:
 
     def _relax(self, target: Target, intent: Relax) -> None:
         if self._held is None and not self.halted:
-            raise ConfigError(f"relax: {intent.part!r} is asked for nothing")
+            raise not_held(intent.part, self.all_held())
         self._rise()
         heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
         self._let_go.append((self._revisions.newest, heard))

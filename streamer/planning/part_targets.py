@@ -7,7 +7,7 @@ given all that hold (`goals`), and the retargeter goes on with those that it has
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, LEAST_RAD, arrived
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
 Float = NDArray[np.float64]
 
@@ -73,6 +73,7 @@ class PartTargets:
         self._caps = caps
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
+        self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._holding: list[_Holding] = []
         self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
@@ -213,8 +214,7 @@ class PartTargets:
         """Let parts go."""
         gone = [one for one in self._holding if intent.part in ("all", one.intent.part)]
         if not gone and intent.part != "all":
-            held = ", ".join(one.intent.part for one in self._holding) or "none"
-            raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
+            raise not_held(intent.part, [*(one.intent.part for one in self._holding), *self.all_held()])
         for one in gone:
             self._supersede(one, "let go")
         self._holding = [one for one in self._holding if one not in gone]

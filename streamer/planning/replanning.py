@@ -117,6 +117,8 @@ class Replanner:
             lockstep=lockstep,
             on_part=self._take_part,
         )
+        for records in (self.restrictions, self.parts, self.feet, self.head):
+            records.all_held = self._all_held
         self._drift = HeadingDrift(planner.rate)
         self.push = PushWatch(planner.rate, turns)
         self.follows_targets = isinstance(planner.source, LiveSource)
@@ -328,6 +330,11 @@ class Replanner:
             self.feet.let_go(intent.part)
             self.head.let_go()
         self.parts.take(target, born_s)
+
+    def _all_held(self) -> list[str]:
+        """What holds, in the names that `Relax` takes."""
+        known = [] if self._heard is None else self._heard.held
+        return [name for heard in known for name in str(heard.heard_as).split(", ")]
 
     def _stand_still(self, reason: str) -> None:
         """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""

@@ -6,7 +6,7 @@ They replace no target and move nothing. Each is checked when it arrives; every 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,7 +38,7 @@ from flexmotion.streamer.motion.restriction_intents import (
 )
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
 Float = NDArray[np.float64]
 
@@ -108,6 +108,7 @@ class RestrictionTargets:
     ) -> None:
         self._retargeter, self._publish, self._on_note, self._on_planted = retargeter, publish, on_note, on_planted
         self._rate, self._turns = retargeter.rate, turns
+        self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._held: list[_Held] = []
         self._inherited: _Inherited | None = None
@@ -341,8 +342,7 @@ class RestrictionTargets:
         ends = last is not None and not free.isdisjoint(last.binds[kind])
         if not ends and all(one.binds == other.binds for one, other in zip(kept, self._held, strict=True)):
             parts = [*(one.intent.part for one in self._held), *([] if last is None else [last.words])]
-            held = ", ".join(parts) or "none"
-            raise ConfigError(f"relax: {intent.part!r} is asked for nothing; expected all, or one of: {held}")
+            raise not_held(intent.part, [*parts, *self.all_held()])
         self._keep([one for one in kept if one.binds], "let go")
         if ends:  # the next plan knows of nothing that was inherited
             self._revisions.change()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, replace
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
@@ -46,6 +47,13 @@ def tell_unfollowed(
     heard = Heard.model_validate({"id": target.id, "asked": words_of(target.intent), "state": state, "reason": reason})
     publish(heard)
     on_note(str(heard.told() or f"{heard.asked}: {reason}"))
+
+
+def not_held(part: str, held: Iterable[str]) -> ConfigError:
+    """The error of a `Relax` of what is asked for nothing; `held`: what it could let go."""
+    known = ", ".join(dict.fromkeys(held))
+    expected = f"expected all, or one of: {known}" if known else "nothing holds"
+    return ConfigError(f"relax: {part!r} is asked for nothing; {expected}")
 
 
 def ended_by(row: TickRow) -> str | None:

@@ -156,9 +156,8 @@ class Lifecycle:
         elif ladder.state in (State.READY, State.HOLD):
             self.loop.inputs.start = True
         else:
-            self._emit(
-                "refused", f"CLEAR: in {ladder.state.name} it changes nothing; it releases a STOP once the robot stands"
-            )
+            why = "it changes nothing yet: it releases a STOP once the robot stands"
+            self._emit("refused", f"CLEAR: in {ladder.state.name} {why}")
 
     def _arm(self) -> None:
         """Switch the torque on, where the ladder and the loop permit it."""

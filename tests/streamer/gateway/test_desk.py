@@ -110,6 +110,48 @@ def test_a_robot_that_stands_follows_nothing_any_more(make_office: Make, message
     assert [ended.end for ended in ends] == [end]
 
 
+def test_what_is_measured_a_moment_after_the_stand_is_done_and_not_stopped(make_office: Make, clock: Clock) -> None:
+    """One "bow once" ended as "stopped": the robot stood, and its bow was counted a sixth of a second later."""
+    office = make_office()
+    ends: list[Ended] = []
+    steps = (
+        HeardStep(text="wait two seconds", amount=2.0, unit="time", limit_s=4.0),
+        HeardStep(text="bow", amount=1.0, unit="times", limit_s=20.0),
+    )
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    office.run.answer(number, heard="bow", steps=steps)
+    office.desk.pump()
+    office.run.state = State.HOLD
+    for _ in range(6):
+        clock.now += 0.5
+        office.run.step()
+        office.desk.pump()
+    assert ends == [], "it waits for two seconds, as asked"
+    done = [step.model_copy(update={"end": "done", "measured": step.amount}) for step in steps]
+    office.run.answer(number, heard="bow", steps=(done[0], steps[1]))
+    office.desk.pump()
+    office.run.answer(number, heard="bow", steps=tuple(done))
+    office.desk.pump()
+    told = [(ended.end, ended.done) for ended in ends]
+    assert told == [("done", "wait two seconds: 2 s of 2 s; bow: 1 time of 1 time")]
+
+
+def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    ends: list[Ended] = []
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    office.run.answer(number, heard="bow", steps=(HeardStep(text="bow", amount=1.0, unit="times", limit_s=20.0),))
+    office.desk.pump()
+    office.run.state = State.HOLD
+    for _ in range(6):
+        clock.now += 0.5
+        office.run.step()
+        office.desk.pump()
+    assert [ended.end for ended in ends] == ["stopped"]
+
+
 def test_words_that_are_heard_as_standing_end_in_a_stand(make_office: Make) -> None:
     """`send "hold"` ended as "stopped", as if the robot had not been asked for its stand."""
     office = make_office()

@@ -27,6 +27,7 @@ CALLS: dict[str, Callable[[Recorded], Sent]] = {
     "waypoint": lambda robot: robot.waypoint(1.0, 0.5, 0.0, tolerance_m=0.1),
     "hand": lambda robot: robot.hand("right", 0.15, -0.1, 0.2, in_s=0.5),
     "foot": lambda robot: robot.foot("left", 0.06, 0.1, 0.1),
+    "head": lambda robot: robot.head(None, 0.0, 0.38, in_s=1.0),
     "point": lambda robot: robot.point("left", 1.0, 0.5, 0.0),
     "look": lambda robot: robot.look(1.0, 0.5, 0.0, in_s=1.0),
     "joint": lambda robot: robot.joint("head_pan", 0.3),

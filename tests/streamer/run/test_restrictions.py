@@ -121,7 +121,10 @@ def test_a_foot_is_let_go_when_its_time_is_over_and_by_words(live: Live) -> None
     assert asked(live, WALK).state == "refused"
     assert asked(live, Text("you may lift your feet again"), FOREVER).heard_as == "relax"
     assert asked(live, WALK).state in ("accepted", "slowed")
-    assert "asked for nothing; expected all, or one of: none" in str(asked(live, Relax("left foot")).reason)
+    assert "asked for nothing; nothing holds" in str(asked(live, Relax("left foot")).reason)
+    assert asked(live, Look((1.0, 0.5, 0.0)), FOREVER).state == "accepted"
+    for part in ("left foot", "head place", "left hand", "torque l_knee"):
+        assert "is asked for nothing; expected all, or one of: head" in str(asked(live, Relax(part)).reason)
 
 
 def test_goals_of_an_arm_ask_for_no_more_than_its_cap_and_its_path_is_laid_out_for_it(live: Live) -> None:
