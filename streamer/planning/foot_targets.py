@@ -6,7 +6,7 @@ on from where the feet are then. It replaces no target for the whole body; one t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_
 
 _LATE_S = 0.05
 """A foot that is there later than asked by more than this is called slowed [s]."""
+_LEFT = "a stop came: the feet stay as they are until one is relaxed, or asked for, or the whole body is"
 _STANDS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a stop leaves the robot where its feet are."""
 
@@ -79,6 +80,7 @@ class FootTargets:
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
         self.astride = False
+        self._left: Heard | None = None  # answer to the target that a stop has ended, while the feet stay
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._going: list[str] = []  # parts that were let go since the last update
@@ -136,7 +138,9 @@ class FootTargets:
             unknown = self._gathers > self._revisions.known(int(row.plan), int(row.pending))
             self.astride = (self.astride or self._held is not None or unknown) and State(int(row.state)) in _STANDS
             # The plan that stops makes no step for it, and none is asked for once the stop is released.
-            self._end(ended, "refused", "stopped")
+            self._end(ended, "refused", "stopped", stays=self.astride)
+            if not self.astride:
+                self._go_on("stopped")
             self._answer_all()
             return
         self._answer(row)
@@ -186,10 +190,20 @@ class FootTargets:
             self.astride |= bool(self._weak_leg)
         self._end(reason, state, over)
 
-    def begin_with(self, plan: Plan) -> None:
-        """Go on from a plan of another process: feet that it has placed stay as they are."""
+    def begin_with(self, plan: Plan, inherited: Sequence[Heard] = ()) -> None:
+        """Go on from a plan of another process: feet that it has placed stay as they are.
+
+        Args:
+            inherited: answers of that process to targets that held.
+        """
         last = self._retargeter.layout.view(plan.states[-1].copy())
         self.astride = bool(last.placed[0] >= 0 or last.astride)
+        for heard in inherited:
+            self._go_on("superseded")
+            if self.astride:
+                self._leave(heard)
+            else:
+                self._publish(heard.model_copy(update={"over": "stopped"}))
 
     def gather(self) -> None:
         """Feet that a stop has left as they were may come side by side, unless a leg is too weak for a step."""
@@ -198,12 +212,29 @@ class FootTargets:
         if self.astride:
             self._revisions.change()
         self.astride = False
+        self._go_on("superseded")
 
-    def _end(self, reason: str, state: Fate, over: Over) -> None:
+    def _leave(self, heard: Heard) -> None:
+        """A stop has ended the target that was answered so; the feet are still where it has brought them."""
+        if _LEFT not in heard.notes:
+            missed = heard.missed if heard.there is not None else heard.missed or "stopped on its way"
+            heard = heard.model_copy(update={"missed": missed, "notes": (*heard.notes, _LEFT)})
+            self._publish(heard)
+        self._left = heard
+
+    def _go_on(self, over: Over) -> None:
+        """The feet stay as a stop has left them no longer; how that ended."""
+        left, self._left = self._left, None
+        if left is not None:
+            self._publish(left.model_copy(update={"over": over}))
+
+    def _end(self, reason: str, state: Fate, over: Over, *, stays: bool = False) -> None:
         held, self._held = self._held, None
         if held is None:
             return
-        if held.answered:
+        if held.answered and stays:
+            self._leave(held.heard)
+        elif held.answered:
             self._publish(held.heard.model_copy(update={"over": over}))
         else:
             self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
@@ -324,6 +355,8 @@ class FootTargets:
     def _let_feet_go(self) -> None:
         apart = self._held is not None or self.astride
         self._supersede("let go")
+        if not self._weak_leg:
+            self._go_on("let go")
         self.gather()
         if apart:
             self._gathers = self._revisions.newest

@@ -26,7 +26,7 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, FootPlace, HeadPlace, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
-from flexmotion.streamer.motion.restriction_intents import Restriction
+from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, Restriction
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.due_plan import DuePlan
@@ -373,7 +373,9 @@ class Replanner:
         self.ledger.take(tick)
         plays = bool(row.plan or row.pending)
         heads = [one for one in self._inherited if one.heard_as == HEAD_PLACE and plays]
-        over = [one for one in self._inherited if not plays or (one.holds == "part" and one not in heads)]
+        feet = [one for one in self._inherited if one.holds == "part" and one.heard_as in FOOT_PARTS.values() and plays]
+        stay = [*heads, *feet]
+        over = [one for one in self._inherited if not plays or (one.holds == "part" and one not in stay)]
         self._inherited = [one for one in self._inherited if one not in over]
         for heard in over:
             self._publish(heard.model_copy(update={"over": "stopped"}))
@@ -392,9 +394,9 @@ class Replanner:
         plan = self.planner.without_human(offer.plan)
         self.made.begin_with(offer.ticket, plan)
         self.parts.begin_with(plan)
-        self.feet.begin_with(plan)
+        self.feet.begin_with(plan, feet)
         self.head.begin_with(plan, heads)
-        self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in heads])
+        self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in stay])
         self._succeeds, self.ledger.halted = False, True
         return True
 

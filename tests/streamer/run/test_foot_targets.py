@@ -181,10 +181,13 @@ def test_a_foot_that_is_kept_down_is_placed_nowhere_and_the_other_one_may_be(liv
 
 def test_a_stop_leaves_the_feet_where_they_are_until_something_new_is_asked_for(live: Live) -> None:
     """Once the stop was released the foot stepped back, though nobody had asked for anything."""
-    assert asked(live, AHEAD, 8.0).state == "accepted"
+    ahead = asked(live, AHEAD, 8.0)
+    assert ahead.state == "accepted"
     go_on(live, 1.5)
     live.session.ask(Request.STOP)
     go_on(live, 1.0)
+    left = live.newest[ahead.id]
+    assert left.held and "the feet stay as they are" in " ".join(left.notes), "the status said that nothing holds"
     assert "release the stop first" in str(asked(live, AHEAD).reason)
     live.session.ask(Request.CLEAR)
     go_on(live, 8.0)
@@ -192,7 +195,9 @@ def test_a_stop_leaves_the_feet_where_they_are_until_something_new_is_asked_for(
     assert asked(live, Hand("left", (0.12, 0.12, 0.05), in_s=1.0), 1.5).state == "accepted"
     go_on(live, 1.5)
     assert_there(live, AHEAD)
+    assert live.newest[ahead.id].held
     assert asked(live, Relax("left foot")).state == "accepted"
+    assert live.newest[ahead.id].over == "let go"
     go_on(live, 1.5)
     assert_beside(live)
 
@@ -271,7 +276,8 @@ def test_without_torque_it_is_over(live: Live) -> None:
 def test_a_new_planner_leaves_the_feet_where_they_are(capped: Restarted) -> None:
     """The first plan of a planner that was started again, for a look of the head, brought the foot back."""
     assert asked(capped, Relax("torque l_el")).state == "accepted"
-    assert asked(capped, AHEAD, FOREVER).state == "accepted"
+    ahead = asked(capped, AHEAD, FOREVER)
+    assert ahead.state == "accepted"
     go_on(capped, 1.5)
     capped.until_state(State.HOLD)
     capped.restart()
@@ -279,3 +285,4 @@ def test_a_new_planner_leaves_the_feet_where_they_are(capped: Restarted) -> None
     assert asked(capped, Look((1.0, 0.5, 0.0), in_s=0.5)).state == "accepted"
     go_on(capped, 1.5)
     assert_there(capped, AHEAD)
+    assert capped.newest[ahead.id].held
