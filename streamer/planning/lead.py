@@ -66,9 +66,9 @@ class MeasuredLead:
     """The times that the last plans of each kind took.
 
     A plan joins as early as a high percentile of the times after sampling permits; that of a target, a stop or a person
-    who is mirrored `LATEST` ticks earlier, by which the loop still takes it late, but not before a low percentile, where
-    nothing would be ready. Sampling is counted by its median first, and by what it took once it is done: slow sampling,
-    or words that were read for the first time, put a plan off, and do not make it late.
+    who is mirrored `LATEST` ticks earlier, by which the loop still takes it late, but not before a low percentile,
+    where nothing would be ready. Sampling is counted by its median first, and by what it took once it is done: slow
+    sampling, or words that were read for the first time, put a plan off, and do not make it late.
 
     Args:
         rate_hz: ticks a second.
