@@ -1,4 +1,4 @@
-"""`meaning_of`: what each figure of `evaluate` is, and its unit, for people who read a table."""
+"""`meanings_of`: what each figure of `evaluate` is, and its unit, for people who read a table."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class Following:
 
 @dataclass(frozen=True)
 class Waiter:
-    """Who is told the end of a target for a part of the body, or of a restriction.
+    """A program that waits for the end of a target for a part of the body, or of a restriction.
 
     Attributes:
         source, id: of its message; on_end: takes its end.

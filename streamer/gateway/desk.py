@@ -61,7 +61,7 @@ _GRACE_S = 1.0
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
 _ENDS: dict[Over | None, TargetEnd] = {"expired": "expired", "stopped": "stopped"}
-"""How what held has ended, as who waits is told; else something has taken its place, or let it go."""
+"""The end that a waiting program is told; of all others: superseded."""
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
@@ -333,7 +333,7 @@ class Desk:
         self.following = following
 
     def _hold(self, heard: Heard, asked: Asked | None) -> None:
-        """Take the planner's answer to a target that holds beside the whole body, or a later version, for who waits.
+        """Tell a waiting program the end of a target for a part, or of a restriction, once an answer shows it.
 
         Args:
             asked: the message of this gateway that it answers; None: of another sender, or a later version.

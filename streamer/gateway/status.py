@@ -41,7 +41,8 @@ class Holds(BaseModel):
     """A target for a part of the body, or a restriction, that holds beside what the whole body does.
 
     Attributes:
-        target: its number; source: who sent it, null of a script, or from before this gateway; asked: what for.
+        target: its number; asked: what for.
+        source: who sent it; null if a script did, or if it was sent to an earlier gateway.
         parts: arm, head, foot or joint that is at a place of its own, or what is restricted: names that `relax` takes.
         restricts: it is a restriction, and moves nothing.
         there: of a part, once it is there: how far it is from its place as measured, in words.

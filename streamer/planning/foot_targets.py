@@ -28,6 +28,7 @@ from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
+from flexmotion.streamer.planning.left import Left
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
@@ -80,7 +81,7 @@ class FootTargets:
         self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
         self._rate = retargeter.rate
         self.astride = False
-        self._left: Heard | None = None  # answer to the target that a stop has ended, while the feet stay
+        self._left = Left(publish, _LEFT)
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._going: list[str] = []  # parts that were let go since the last update
@@ -140,7 +141,7 @@ class FootTargets:
             # The plan that stops makes no step for it, and none is asked for once the stop is released.
             self._end(ended, "refused", "stopped", stays=self.astride)
             if not self.astride:
-                self._go_on("stopped")
+                self._left.end("stopped")
             self._answer_all()
             return
         self._answer(row)
@@ -199,9 +200,9 @@ class FootTargets:
         last = self._retargeter.layout.view(plan.states[-1].copy())
         self.astride = bool(last.placed[0] >= 0 or last.astride)
         for heard in inherited:
-            self._go_on("superseded")
+            self._left.end("superseded")
             if self.astride:
-                self._leave(heard)
+                self._left.take(heard)
             else:
                 self._publish(heard.model_copy(update={"over": "stopped"}))
 
@@ -212,28 +213,14 @@ class FootTargets:
         if self.astride:
             self._revisions.change()
         self.astride = False
-        self._go_on("superseded")
-
-    def _leave(self, heard: Heard) -> None:
-        """A stop has ended the target that was answered so; the feet are still where it has brought them."""
-        if _LEFT not in heard.notes:
-            missed = heard.missed if heard.there is not None else heard.missed or "stopped on its way"
-            heard = heard.model_copy(update={"missed": missed, "notes": (*heard.notes, _LEFT)})
-            self._publish(heard)
-        self._left = heard
-
-    def _go_on(self, over: Over) -> None:
-        """The feet stay as a stop has left them no longer; how that ended."""
-        left, self._left = self._left, None
-        if left is not None:
-            self._publish(left.model_copy(update={"over": over}))
+        self._left.end("superseded")
 
     def _end(self, reason: str, state: Fate, over: Over, *, stays: bool = False) -> None:
         held, self._held = self._held, None
         if held is None:
             return
         if held.answered and stays:
-            self._leave(held.heard)
+            self._left.take(held.heard)
         elif held.answered:
             self._publish(held.heard.model_copy(update={"over": over}))
         else:
@@ -356,7 +343,7 @@ class FootTargets:
         apart = self._held is not None or self.astride
         self._supersede("let go")
         if not self._weak_leg:
-            self._go_on("let go")
+            self._left.end("let go")
         self.gather()
         if apart:
             self._gathers = self._revisions.newest

@@ -28,6 +28,7 @@ from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, HeadPlace, Relax
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
+from flexmotion.streamer.planning.left import Left
 from flexmotion.streamer.planning.revisions import Revisions
 from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
 
@@ -92,7 +93,7 @@ class HeadTargets:
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._held: _Held | None = None
-        self._left: Heard | None = None  # answer to the target that a stop has ended, while the trunk stays
+        self._left = Left(publish, _HALTED)
         self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
         self._revisions, self._all_go = Revisions(self._rate), False
 
@@ -413,17 +414,12 @@ class HeadTargets:
         if not self.halted:
             self._publish(heard.model_copy(update={"over": "stopped"}))
             return
-        if _HALTED not in heard.notes:
-            missed = heard.missed if heard.there is not None else heard.missed or "stopped on its way"
-            heard = heard.model_copy(update={"missed": missed, "notes": (*heard.notes, _HALTED)})
-            self._publish(heard)
-        self._left = heard
+        self._left.take(heard)
 
     def _unhalt(self, over: Over) -> None:
         """Hips and trunk stay as a stop has left them no longer; how that ended."""
-        left, self._left, self.halted = self._left, None, False
-        if left is not None:
-            self._publish(left.model_copy(update={"over": over}))
+        self.halted = False
+        self._left.end(over)
 
     def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""
