@@ -80,7 +80,7 @@ def fill(values: Float, weight: Float, sigma: float) -> Float:
     """
     total = max(weight.sum(), 1e-9)
     mean = (weight[:, None] * values).sum(axis=0) / total
-    near = gaussian_filter1d(weight[:, None] * values, sigma, axis=0, mode="constant")
-    mass = gaussian_filter1d(weight, sigma, mode="constant")[:, None]
+    both = np.concatenate([weight[:, None] * values, weight[:, None]], axis=1)
+    near = gaussian_filter1d(both, sigma, axis=0, mode="constant")
     trace = 1e-3
-    return (near + trace * mean) / (mass + trace)
+    return (near[:, :-1] + trace * mean) / (near[:, -1:] + trace)

@@ -28,8 +28,8 @@ def cross(first: Float, second: Float) -> Float:
 def frame(left: Float, up: Float) -> Float:
     """Rotations with y axis along `left` and z axis as near to `up` as possible, (..., 3) -> (..., 3, 3)."""
     y = unit(left)
-    x = unit(np.cross(y, up))
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
+    x = unit(cross(y, up))
+    return np.stack([x, y, cross(x, y)], axis=-1)
 
 
 def in_frame(rotation: Float, vector: Float) -> Float:

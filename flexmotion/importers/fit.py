@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.human.angles import rotation_about, three_angles
+from flexmotion.human.angles import Ball, angles_of_joints, rotation_about
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.signals import fill
-from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES
-from flexmotion.human.vectors import in_frame, unit
+from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEG_JOINTS, SIDES, TRUNK_JOINTS
+from flexmotion.human.vectors import cross, in_frame, unit
 from flexmotion.importers.body_fit import fit_body
 from flexmotion.importers.foot import FlatFoot, dorsiflexion, flat_foot, toe_out
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.importers.limb import hinge_axis, solve_limb
+from flexmotion.importers.limb import Limb, hinge_axis, solve_limb
 from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation, torso_rotation, upright_head
 from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.spatial.transitions import smoothstep
@@ -100,7 +100,7 @@ def measure(found: Landmarks, height: float | None = None) -> Measures:
     tilt = neck_tilt(found, pelvis, chord)
     torso = torso_rotation(found, chord, tilt)
     size = _with_shoulders(body.segments, found, lumbar, torso, tilt)
-    tibiae = [_leg({}, found, side, root, pelvis, size) for side in SIDES]
+    tibiae = [_shank(_leg(found, side, root, pelvis, size)) for side in SIDES]
     size = replace(size, toe_out=_toe_out(found, tibiae, flat))
     elevation = (flat[0].elevation, flat[1].elevation)
     return Measures(replace(body, fitted=size), elevation, tilt, upright_head(found, torso))
@@ -115,17 +115,24 @@ def posed(found: Landmarks, measures: Measures) -> Motion:
     torso = torso_rotation(found, chord, measures.tilt)
 
     angles: dict[str, Float] = {}
-    _store(angles, ("lumbar_extension", "lumbar_bending", "lumbar_rotation"), pelvis, torso)
     head = head_rotation(found, torso, measures.nod)
-    _store(angles, ("neck_extension", "neck_bending", "neck_rotation"), torso, head)
+    balls: dict[Ball, Float] = {(TRUNK_JOINTS[:3], ""): _between(pelvis, torso), (TRUNK_JOINTS[3:], ""): _between(torso, head)}
     for side, sign, elevation in zip(SIDES, (1.0, -1.0), measures.elevation, strict=True):
-        tibia = _leg(angles, found, side, root, pelvis, size)
+        leg = _leg(found, side, root, pelvis, size)
+        balls[LEG_JOINTS[:3], side] = _between(pelvis, leg.rotation)
+        angles[f"knee_flexion_{side}"] = leg.flexion
         line = points[f"toe_{side}"] - points[f"ankle_{side}"]
-        angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, elevation, sign * size.toe_out)
+        angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(_shank(leg), line, elevation, sign * size.toe_out)
         if found.has_arm(side):
-            _arm(angles, found, side, lumbar, torso, size)
+            arm = _arm(found, side, lumbar, torso, size)
+            balls[ARM_JOINTS[:3], side] = _between(torso, arm.rotation)
+            angles[f"elbow_flexion_{side}"] = arm.flexion
+            ulna = arm.rotation @ rotation_about("y", -arm.flexion)
+            angles[f"forearm_pronation_{side}"] = _pronation(ulna, found.orientations.get(f"hand_{side}"), sign)
         else:
             _hang_arm(angles, side, len(found))
+    names = [f"{joint}_{side}" if side else joint for joints, side in balls for joint in joints]
+    angles.update(zip(names, angles_of_joints(np.stack(list(balls.values()), axis=1), list(balls)).T, strict=True))
 
     quaternions = Rotation.from_matrix(pelvis).as_quat(scalar_first=True)
     return Motion(
@@ -159,18 +166,19 @@ def _with_shoulders(size: Segments, found: Landmarks, lumbar: Float, torso: Floa
     )
 
 
-def _leg(angles: dict[str, Float], found: Landmarks, side: str, root: Float, pelvis: Float, size: Segments) -> Float:
-    """Hip and knee angles of one leg; returns the rotation of the shank, (T, 3, 3)."""
+def _leg(found: Landmarks, side: str, root: Float, pelvis: Float, size: Segments) -> Limb:
     sign = 1.0 if side == "l" else -1.0
     points = found.points
     hip = root + pelvis @ np.array([0.0, sign * size.hip_width / 2, 0.0])
     knee, ankle = points[f"knee_{side}"], points[f"ankle_{side}"]
     # The knee of a straight leg faces along the foot; a foot in line with the shank has no direction.
-    guess = np.cross(unit(knee - ankle), unit(points[f"toe_{side}"] - ankle)) + 0.2 * pelvis[:, :, 1]
+    guess = cross(unit(knee - ankle), unit(points[f"toe_{side}"] - ankle)) + 0.2 * pelvis[:, :, 1]
     axis = hinge_axis(points[f"hip_{side}"], knee, ankle, 1.0, guess, found.attached.get(f"hip_{side}"))
-    leg = solve_limb(hip, ankle, axis, (size.thigh, size.shank), 1.0)
-    _store(angles, ("hip_flexion", "hip_adduction", "hip_rotation"), pelvis, leg.rotation, side)
-    angles[f"knee_flexion_{side}"] = leg.flexion
+    return solve_limb(hip, ankle, axis, (size.thigh, size.shank), 1.0)
+
+
+def _shank(leg: Limb) -> Float:
+    """Its rotation, (T, 3, 3)."""
     return leg.rotation @ rotation_about("y", leg.flexion)
 
 
@@ -183,7 +191,7 @@ def _toe_out(found: Landmarks, tibiae: list[Float], flat: tuple[FlatFoot, FlatFo
     return float(np.clip(np.mean(outward), -TOE_OUT_LIMIT, TOE_OUT_LIMIT))
 
 
-def _arm(angles: dict[str, Float], found: Landmarks, side: str, lumbar: Float, torso: Float, size: Segments) -> None:
+def _arm(found: Landmarks, side: str, lumbar: Float, torso: Float, size: Segments) -> Limb:
     sign = 1.0 if side == "l" else -1.0
     points = found.points
     offset = np.array([size.shoulder_forward, sign * size.shoulder_width / 2, size.shoulder_height])
@@ -193,11 +201,7 @@ def _arm(angles: dict[str, Float], found: Landmarks, side: str, lumbar: Float, t
     # rotation.
     guess = _lifted(torso, wrist - points[f"shoulder_{side}"])
     axis = hinge_axis(points[f"shoulder_{side}"], elbow, wrist, -1.0, guess, found.attached.get(f"shoulder_{side}"))
-    arm = solve_limb(shoulder, wrist, axis, (size.upper_arm, size.forearm), -1.0)
-    _store(angles, ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation"), torso, arm.rotation, side)
-    angles[f"elbow_flexion_{side}"] = arm.flexion
-    ulna = arm.rotation @ rotation_about("y", -arm.flexion)
-    angles[f"forearm_pronation_{side}"] = _pronation(ulna, found.orientations.get(f"hand_{side}"), sign)
+    return solve_limb(shoulder, wrist, axis, (size.upper_arm, size.forearm), -1.0)
 
 
 def _hang_arm(angles: dict[str, Float], side: str, frames: int) -> None:
@@ -209,10 +213,10 @@ def _lifted(torso: Float, reach: Float) -> Float:
     """The torso's left axis turned by the least rotation that takes its downward axis to `reach`, (T, 3)."""
     down, left = -torso[:, :, 2], torso[:, :, 1]
     target = unit(reach)
-    cross, cosine = np.cross(down, target), np.sum(down * target, axis=-1, keepdims=True)
-    turned = cosine * left + np.cross(cross, left)
+    axis, cosine = cross(down, target), np.sum(down * target, axis=-1, keepdims=True)
+    turned = cosine * left + cross(axis, left)
     # Rodrigues' formula; the last term has no limit for an arm straight up, where any choice is as good.
-    return turned + cross * np.sum(cross * left, axis=-1, keepdims=True) / np.maximum(1 + cosine, 1e-3)
+    return turned + axis * np.sum(axis * left, axis=-1, keepdims=True) / np.maximum(1 + cosine, 1e-3)
 
 
 def _pronation(ulna: Float, hand: Float | None, sign: float) -> Float:
@@ -229,11 +233,9 @@ def _pronation(ulna: Float, hand: Float | None, sign: float) -> Float:
     return angle - 2 * np.pi * np.round((np.median(angle) - PRONATION_AT_REST) / (2 * np.pi))
 
 
-def _store(
-    angles: dict[str, Float], joints: tuple[str, str, str], proximal: Float, distal: Float, side: str = ""
-) -> None:
-    values = three_angles(proximal.swapaxes(1, 2) @ distal, joints, side)
-    angles.update({f"{joint}_{side}" if side else joint: values[:, i] for i, joint in enumerate(joints)})
+def _between(proximal: Float, distal: Float) -> Float:
+    """Rotation of the distal in the proximal axes, (T, 3, 3)."""
+    return proximal.swapaxes(1, 2) @ distal
 
 
 def fit_errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:

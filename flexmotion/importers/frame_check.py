@@ -28,11 +28,9 @@ CHAIN = ("hip", "knee", "ankle")
 def leg_length(points: Mapping[str, Float]) -> float:
     """Hip to ankle over the knee in one frame, mean of both sides [m]."""
     bones = [
-        np.linalg.norm(points[f"{b}_{side}"] - points[f"{a}_{side}"])
-        for a, b in zip(CHAIN[:-1], CHAIN[1:], strict=True)
-        for side in "lr"
+        points[f"{b}_{side}"] - points[f"{a}_{side}"] for a, b in zip(CHAIN[:-1], CHAIN[1:], strict=True) for side in "lr"
     ]
-    return float(np.sum(bones)) / 2
+    return float(np.linalg.norm(bones, axis=-1).sum()) / 2
 
 
 class FrameCheck:
@@ -61,7 +59,7 @@ class FrameCheck:
             time_s: of the frame; not before that of the last one [s].
             points: of a mapping, (3,) each, z up [m].
         """
-        if any(not np.isfinite(points[name]).all() for name in REQUIRED_POINTS):
+        if not np.isfinite([points[name] for name in REQUIRED_POINTS]).all():
             return "a leg is not seen"
         length = leg_length(points)
         if not LEG.holds(length):
@@ -74,10 +72,10 @@ class FrameCheck:
         if _exchanged(points, before):
             return "sides exchanged"
         reach = FASTEST * max(since, SHORTEST_S) + SLACK_M
-        middle, was = _hips(points), _hips(before)
-        moved = [np.linalg.norm(middle - was)]
-        moved += [np.linalg.norm(points[n] - middle - before[n] + was) for n in points if n in before]
-        return "a jump" if np.nanmax(moved) > reach else None
+        travelled = _hips(points) - _hips(before)
+        moved = np.array([points[name] - before[name] for name in points if name in before]) - travelled
+        fastest = np.nanmax(np.linalg.norm([travelled, *moved], axis=-1))
+        return "a jump" if fastest > reach else None
 
 
 def _hips(points: Mapping[str, Float]) -> Float:
@@ -86,12 +84,9 @@ def _hips(points: Mapping[str, Float]) -> Float:
 
 
 def _exchanged(points: Mapping[str, Float], before: Mapping[str, Float]) -> bool:
-    for name in SIDED_POINTS:
-        left, right = f"{name}_l", f"{name}_r"
-        if not {left, right} <= points.keys() & before.keys():
-            continue
-        own = [float(np.linalg.norm(points[side] - before[side])) for side in (left, right)]
-        other = [float(np.linalg.norm(points[a] - before[b])) for a, b in ((left, right), (right, left))]
-        if min(own) > EXCHANGED_M and sum(other) < EXCHANGED * sum(own):
-            return True
-    return False
+    pairs = [(f"{name}_l", f"{name}_r") for name in SIDED_POINTS]
+    both = [pair for pair in pairs if points.keys() >= set(pair) <= before.keys()]
+    now, then = (np.array([[where[side] for side in pair] for pair in both]) for where in (points, before))
+    own, other = (np.linalg.norm(now - was, axis=-1) for was in (then, then[:, ::-1]))
+    exchanged = (own.min(axis=1) > EXCHANGED_M) & (other.sum(axis=1) < EXCHANGED * own.sum(axis=1))
+    return bool(exchanged.any())

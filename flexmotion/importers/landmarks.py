@@ -127,9 +127,12 @@ def all_landmarks(
         raise MotionFormatError(f"{capture.path}: the legs have no length, hips, knees and ankles coincide")
     scale, wrong = metres_per_unit(LEG, length, capture, units, mapping.units)
     turn = TO_Z_UP[up]
+    if not LEG.holds(scale * length):
+        raise MotionFormatError(
+            f"{capture.path}: a leg of {scale * length:.3g} m, expected {LEG.low} to {LEG.high} m; other units?"
+        )
     points = {point: scale * value @ turn.T for point, value in raw.items()}
-    _check_leg(points, capture.path)
-    points, guessed = with_trunk(points)
+    points, guessed = with_trunk(points, scale * length)
     notes = [*wrong, *guessed]
     for side, name in (("l", "left"), ("r", "right")):
         absent = [joint for joint in ("elbow", "wrist") if f"{joint}_{side}" not in points]
@@ -169,17 +172,9 @@ def _guess_up(raw: dict[str, Float]) -> Up:
 def _leg(points: dict[str, Float]) -> float:
     """Hip to ankle over the knee, median over frames, mean of both sides."""
     bones = [
-        np.median(np.linalg.norm(points[f"{b}_{side}"] - points[f"{a}_{side}"], axis=-1))
-        for a, b in (("hip", "knee"), ("knee", "ankle"))
-        for side in "lr"
+        points[f"{b}_{side}"] - points[f"{a}_{side}"] for a, b in (("hip", "knee"), ("knee", "ankle")) for side in "lr"
     ]
-    return float(sum(bones)) / 2
-
-
-def _check_leg(points: dict[str, Float], path: str) -> None:
-    leg = _leg(points)
-    if not LEG.holds(leg):
-        raise MotionFormatError(f"{path}: a leg of {leg:.3g} m, expected {LEG.low} to {LEG.high} m; other units?")
+    return float(np.median(np.linalg.norm(bones, axis=-1), axis=-1).sum()) / 2
 
 
 def _zero_frames(capture: Capture) -> int:

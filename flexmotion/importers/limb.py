@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.signals import fill
-from flexmotion.human.vectors import in_frame, unit
+from flexmotion.human.vectors import cross, in_frame, unit
 from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
@@ -46,11 +46,13 @@ def hinge_axis(root: Float, middle: Float, end: Float, sense: float, guess: Floa
         attached: a frame that moves with the upper bone, (T, 3, 3).
     """
     upper, lower = middle - root, end - middle
-    normal = sense * np.cross(upper, lower)
+    normal = sense * cross(upper, lower)
     length = np.linalg.norm(normal, axis=-1)
     bend = length / np.maximum(np.linalg.norm(upper, axis=-1) * np.linalg.norm(lower, axis=-1), 1e-9)
     measured = unit(normal)
     weight = smoothstep(bend, STRAIGHT, BENT)
+    if weight.min(initial=1.0) >= 1.0:
+        return measured
 
     prior = _in_bone(measured, bend * weight, attached) if attached is not None else None
     if prior is None:
@@ -85,12 +87,12 @@ def solve_limb(root: Float, end: Float, axis: Float, lengths: tuple[float, float
     distance = np.clip(distance, abs(upper - lower) + 1e-6, upper + lower)
 
     left = unit(axis - np.sum(axis * down, axis=-1, keepdims=True) * down)
-    front = np.cross(down, left)
+    front = cross(down, left)
     # Law of cosines in the triangle of both bones and the line from root to end.
     cosine = (upper**2 + distance**2 - lower**2) / (2 * upper * distance)
     tilt = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None]
     bone = np.cos(tilt) * down + sense * np.sin(tilt) * front
     inner = (upper**2 + lower**2 - distance**2) / (2 * upper * lower)
     flexion = np.pi - np.arccos(np.clip(inner, -1.0, 1.0))
-    rotation = np.stack([np.cross(left, -bone), left, -bone], axis=-1)
+    rotation = np.stack([cross(left, -bone), left, -bone], axis=-1)
     return Limb(rotation, flexion)

@@ -109,13 +109,15 @@ class LivePerson:
             reason = "no human"
         if last is not None and time_s - last[0] > GAP_S:
             self._pause()
-        if reason is None:
-            frame = self._seen(frame)
-            reason = self._check.fault(time_s, self._points(frame))
+        if reason is not None:
+            return self._refuse(frame, time_s, reason)
+        frame = self._seen(frame)
+        points = self._points(frame)
+        reason = self._check.fault(time_s, points)
         if reason is not None:
             return self._refuse(frame, time_s, reason)
         self._others_since = None
-        self._check.take(time_s, self._points(frame))
+        self._check.take(time_s, points)
         return self._taken(frame, time_s)
 
     def _begin(self, skeleton: Skeleton | None) -> None:
@@ -163,7 +165,10 @@ class LivePerson:
     def _points(self, frame: Frame) -> Mapping[str, Float]:
         """Points of the mapping, z up [m]."""
         scale, turn = METRES[frame.skeleton.units], TO_Z_UP[frame.skeleton.up]
-        return {point: scale * turn @ frame.positions[at].mean(axis=0) for point, at in self._columns.items()}
+        picked = frame.positions[np.concatenate(list(self._columns.values()))]
+        counts = np.array([len(at) for at in self._columns.values()])
+        means = np.add.reduceat(picked, np.cumsum(counts) - counts, axis=0) / counts[:, None]
+        return dict(zip(self._columns, means @ (scale * turn).T, strict=True))
 
     def _seen(self, frame: Frame) -> Frame:
         """The frame with points of trunk and arms that are not seen where they were, relative to the hips."""

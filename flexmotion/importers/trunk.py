@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.human.angles import rotation_about
 from flexmotion.human.body import Segments
-from flexmotion.human.vectors import frame, in_frame, unit
+from flexmotion.human.vectors import cross, frame, in_frame, unit
 
 if TYPE_CHECKING:
     from flexmotion.importers.landmarks import Landmarks
@@ -30,21 +30,21 @@ LEG_SHARE = 0.491
 """Thigh and shank as a share of stature (`data/proportions.yaml`)."""
 
 
-def with_trunk(points: Mapping[str, Float]) -> tuple[dict[str, Float], list[str]]:
+def with_trunk(points: Mapping[str, Float], leg: float) -> tuple[dict[str, Float], list[str]]:
     """Points with neck and shoulders, guessed where the file lacks them, and a warning for each guess.
 
     The neck of a trunk without points is above the lumbar joint, else the hips: a trunk stays nearer to the vertical
     than to any axis of the pelvis. Shoulders lie beside it along the line of the hips.
+
+    Args:
+        leg: hip to ankle over the knee [m].
     """
     found, notes = dict(points), []
     sides = [f"shoulder_{side}" for side in "lr"]
+    if {"neck", *sides} <= found.keys():
+        return found, []
     left = unit((points["hip_l"] - points["hip_r"]) * [1.0, 1.0, 0.0])
-    legs = [
-        np.median(np.linalg.norm(points[f"{b}_{side}"] - points[f"{a}_{side}"], axis=-1))
-        for a, b in (("hip", "knee"), ("knee", "ankle"))
-        for side in "lr"
-    ]
-    mean = Segments.of_height(float(sum(legs)) / 2 / LEG_SHARE)
+    mean = Segments.of_height(leg / LEG_SHARE)
     rise = np.array([0.0, 0.0, 1.0])
     hips = (points["hip_l"] + points["hip_r"]) / 2
     lumbar = points.get("lumbar", hips + mean.lumbar_height * rise)
@@ -112,8 +112,8 @@ def torso_rotation(found: Landmarks, chord: Float, tilt: float) -> Float:
     along = frame(chest_left(found), chord)
     # The line must lie in the sagittal plane: its direction is kept, the left axis is adjusted.
     z = unit(chord)
-    y = unit(np.cross(z, along[:, :, 0]))
-    exact = np.stack([np.cross(y, z), y, z], axis=-1)
+    y = unit(cross(z, along[:, :, 0]))
+    exact = np.stack([cross(y, z), y, z], axis=-1)
     return exact @ rotation_about("y", -tilt)
 
 
