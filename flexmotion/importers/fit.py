@@ -116,7 +116,10 @@ def posed(found: Landmarks, measures: Measures) -> Motion:
 
     angles: dict[str, Float] = {}
     head = head_rotation(found, torso, measures.nod)
-    balls: dict[Ball, Float] = {(TRUNK_JOINTS[:3], ""): _between(pelvis, torso), (TRUNK_JOINTS[3:], ""): _between(torso, head)}
+    balls: dict[Ball, Float] = {
+        (TRUNK_JOINTS[:3], ""): _between(pelvis, torso),
+        (TRUNK_JOINTS[3:], ""): _between(torso, head),
+    }
     for side, sign, elevation in zip(SIDES, (1.0, -1.0), measures.elevation, strict=True):
         leg = _leg(found, side, root, pelvis, size)
         balls[LEG_JOINTS[:3], side] = _between(pelvis, leg.rotation)

@@ -28,7 +28,9 @@ CHAIN = ("hip", "knee", "ankle")
 def leg_length(points: Mapping[str, Float]) -> float:
     """Hip to ankle over the knee in one frame, mean of both sides [m]."""
     bones = [
-        points[f"{b}_{side}"] - points[f"{a}_{side}"] for a, b in zip(CHAIN[:-1], CHAIN[1:], strict=True) for side in "lr"
+        points[f"{b}_{side}"] - points[f"{a}_{side}"]
+        for a, b in zip(CHAIN[:-1], CHAIN[1:], strict=True)
+        for side in "lr"
     ]
     return float(np.linalg.norm(bones, axis=-1).sum()) / 2
 
