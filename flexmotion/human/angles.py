@@ -71,7 +71,7 @@ def _euler_yxz(rotation: Float) -> Float:
 
 
 def _least_motion(first: Float, other: Float) -> Float:
-    """By joint the sequence with the least sum of squared steps, of two candidates per frame, (T, J, 3) each (Viterbi)."""
+    """By joint the sequence of two candidates per frame that moves least (sum of squares), (T, J, 3) each (Viterbi)."""
     candidates = np.stack([first, other], axis=2)
     # Cost of going from candidate i of a frame to j of the next, (T - 1, J, 2, 2).
     step = candidates[1:, :, None, :, :] - candidates[:-1, :, :, None, :]
