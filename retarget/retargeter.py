@@ -40,7 +40,7 @@ from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.servo_lag import allowed_lag, servo_lag
 from flexmotion.retarget.state import SETTLED_STEPS, RetargetState, StateLayout
-from flexmotion.retarget.steps import pack_steps
+from flexmotion.retarget.steps import Step, pack_steps
 from flexmotion.retarget.stiffness import LimbStiffness
 from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.swing_check import SwingCheck
@@ -150,6 +150,10 @@ class Retargeter:
         if np.isnan(source_tick):
             return 0
         return max(int(np.floor((tick - source_tick) / self.rate * fps + 1e-6)), 0)
+
+    def steps_of(self, plan: Plan) -> list[Step]:
+        """The steps of a plan: those that are settled where it begins, and those that lift within it."""
+        return [*self.layout.view(plan.states[0].copy()).steps.steps(), *plan.steps]
 
     def stands_at(self, state: Float, tick: int) -> Float:
         """Where the robot comes to stand by a stop: middle of its feet, heading, in the plan's world, (3,) [m, m, rad].

@@ -27,10 +27,10 @@ from flexmotion.streamer.motion.part_intents import FootPlace, Relax
 from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import FEET, FOOT_PARTS
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.answers import Answers
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
 from flexmotion.streamer.planning.left import Left
-from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held
 
 _LATE_S = 0.05
 """A foot that is there later than asked by more than this is called slowed [s]."""
@@ -78,8 +78,9 @@ class FootTargets:
     def __init__(
         self, retargeter: Retargeter, publish: Callable[[Heard], None], on_note: Callable[[str], None]
     ) -> None:
-        self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
-        self._rate = retargeter.rate
+        self._retargeter, self._rate = retargeter, retargeter.rate
+        self._answers = Answers(retargeter.rate, publish, on_note)
+        self._revisions = self._answers.revisions
         self.astride = False
         self._left = Left(publish, _LEFT)
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
@@ -88,8 +89,6 @@ class FootTargets:
         self._held: _Held | None = None
         self._gathers = 0  # revision from which on plans bring the feet side by side
         self._weak_leg = ""  # why no step can be made for the caps that hold; empty: it can
-        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revisions = Revisions(self._rate)
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
@@ -104,7 +103,7 @@ class FootTargets:
     def let_go(self, part: str) -> None:
         """Let feet go on a request that is answered elsewhere; `part`: as of `Relax`."""
         for target, _ in [one for one in self._waiting if _is_of(one[0], part)]:
-            self._tell(target, "superseded", "it was let go right after it")
+            self._answers.unfollowed(target, "superseded", "it was let go right after it")
         self._waiting = [one for one in self._waiting if not _is_of(one[0], part)]
         self._going.append(part)
 
@@ -135,14 +134,14 @@ class FootTargets:
         if ended is not None:
             # What was let go with it is not: a step would follow the stop.
             for target, _ in waiting:
-                self._tell(target, "refused", ended)
+                self._answers.unfollowed(target, "refused", ended)
             unknown = self._gathers > self._revisions.known(int(row.plan), int(row.pending))
             self.astride = (self.astride or self._held is not None or unknown) and State(int(row.state)) in _STANDS
             # The plan that stops makes no step for it, and none is asked for once the stop is released.
             self._end(ended, "refused", "stopped", stays=self.astride)
             if not self.astride:
                 self._left.end("stopped")
-            self._answer_all()
+            self._answers.nothing_holds()
             return
         self._answer(row)
         for part in going:
@@ -159,8 +158,7 @@ class FootTargets:
         elif held is not None and self._weak_leg and tick < (held.lands or np.inf):
             self.give_way(self._weak_leg)
         for target, born_s in waiting:
-            if target.too_late(now_s - born_s):
-                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+            if self._answers.expired(target, now_s - born_s):
                 continue
             born = tick + (born_s - now_s) * self._rate
             try:
@@ -170,15 +168,15 @@ class FootTargets:
                     why_not = stays or self._why_not(target, born, playing, travels, restrictions.planted)
                     self._begin(target, born, why_not)
             except ConfigError as error:
-                self._tell(target, "refused", str(error))
+                self._answers.unfollowed(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed; the one that holds is over."""
         for target, _ in self._waiting:
-            self._tell(target, "refused", reason)
+            self._answers.unfollowed(target, "refused", reason)
         self._waiting = []
         self.give_way(reason, over="stopped")
-        self._answer_all()
+        self._answers.nothing_holds()
 
     def give_way(self, reason: str, state: Fate = "refused", over: Over = "superseded") -> None:
         """The one that holds is over: the robot needs its feet, or may not place them.
@@ -204,7 +202,7 @@ class FootTargets:
             if self.astride:
                 self._left.take(heard)
             else:
-                self._publish(heard.model_copy(update={"over": "stopped"}))
+                self._answers.later(heard, over="stopped")
 
     def gather(self) -> None:
         """Feet that a stop has left as they were may come side by side, unless a leg is too weak for a step."""
@@ -221,11 +219,9 @@ class FootTargets:
             return
         if held.answered and stays:
             self._left.take(held.heard)
-        elif held.answered:
-            self._publish(held.heard.model_copy(update={"over": over}))
         else:
-            self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
-        self._on_note(f"over: {held.intent}: {reason}")
+            self._answers.ended(held.heard, held.answered, over, state, reason)
+        self._answers.on_note(f"over: {held.intent}: {reason}")
 
     @property
     def goal(self) -> FootGoal | None:
@@ -251,7 +247,7 @@ class FootTargets:
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know what holds; 0: none plays."""
-        if not plan and not (self._held or self._let_go):
+        if not plan and not (self._held or self._answers.waits):
             return False
         return self._revisions.wants(plan, tick)
 
@@ -288,8 +284,8 @@ class FootTargets:
         known = {} if held.answered else {"tick": rows.start_tick}
         heard = held.heard.model_copy(update={"slowed": slowed, "state": state, **known})
         if held.answered and late:
-            self._publish(heard)  # a later version: plans have found that its swing takes longer
-            self._on_note(str(heard.told()))
+            self._answers.publish(heard)  # a later version: plans have found that its swing takes longer
+            self._answers.on_note(str(heard.told()))
         self._held = replace(held, heard=heard, lands=lands, until=max(held.until, lands))
 
     # ------------------------------------------------------------------ targets
@@ -336,8 +332,7 @@ class FootTargets:
         if self._weak_leg:
             raise ConfigError(f"relax: {self._weak_leg}")
         self._let_feet_go()
-        heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
-        self._let_go.append((self._revisions.newest, heard))
+        self._answers.relaxed(target)
 
     def _let_feet_go(self) -> None:
         apart = self._held is not None or self.astride
@@ -359,18 +354,13 @@ class FootTargets:
 
     def _steps(self, plan: Plan, tick: float) -> bool:
         """Whether a plan makes steps of a human from a tick on."""
-        return any(step.land > tick and not step.inserted for step in self._all_steps(plan))
+        return any(step.land > tick and not step.inserted for step in self._retargeter.steps_of(plan))
 
     def _step(self, plan: Plan, goal: FootGoal) -> Step | None:
         """The step of a plan that brings the foot to its place; None: it makes none."""
         target = goal.pose(plan.feet[-1][1 - goal.side])
-        own = (step for step in self._all_steps(plan) if step.side == goal.side)
+        own = (step for step in self._retargeter.steps_of(plan) if step.side == goal.side)
         return next((step for step in own if np.abs(step.target - target).max() < 1e-6), None)
-
-    def _all_steps(self, plan: Plan) -> list[Step]:
-        """The steps of a plan: those that are settled where it begins, and those that lift within it."""
-        settled = self._retargeter.layout.view(plan.states[0].copy()).steps.steps()
-        return [*settled, *plan.steps]
 
     # ------------------------------------------------------------------ answers
 
@@ -388,28 +378,14 @@ class FootTargets:
         last = tick >= min(held.lands + ARRIVES_S * self._rate, held.until)
         heard = arrived(held.heard, off, max(held.intent.tolerance, LEAST_M), told, last=last)
         if heard is not held.heard:
-            self._publish(heard)
+            self._answers.publish(heard)
             self._held = replace(held, heard=heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
-        known = self._revisions.known(int(row.plan), int(row.pending))
-        held = self._held
+        known, held = self._answers.taken(row), self._held
         if held is not None and not held.answered and held.heard.tick is not None and known >= held.revision:
-            heard = held.heard.model_copy(update={"at_s": held.heard.tick / self._rate})
-            self._held = replace(held, heard=heard, answered=True)
-            self._publish(heard)
-            if heard.state != "accepted":
-                self._on_note(str(heard.told()))
-        for _, heard in [one for one in self._let_go if one[0] <= known]:
-            self._publish(heard)
-        self._let_go = [one for one in self._let_go if one[0] > known]
-
-    def _answer_all(self) -> None:
-        """Nothing is held any more, whatever plan plays."""
-        for _, heard in self._let_go:
-            self._publish(heard)
-        self._let_go = []
+            self._held = replace(held, heard=self._answers.followed(held.heard), answered=True)
 
     def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""
@@ -418,14 +394,8 @@ class FootTargets:
             return
         self._revisions.change()
         self.astride |= bool(self._weak_leg)
-        if held.answered:
-            self._publish(held.heard.model_copy(update={"over": over}))
-        else:
-            reason = "a newer target for a foot came before a plan followed it"
-            self._publish(held.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
-
-    def _tell(self, target: Target, state: str, reason: str) -> None:
-        tell_unfollowed(target, state, reason, self._publish, self._on_note)
+        reason = "a newer target for a foot came before a plan followed it"
+        self._answers.ended(held.heard, held.answered, over, "superseded", reason)
 
 
 def _is_of(target: Target, part: str) -> bool:

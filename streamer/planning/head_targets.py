@@ -18,7 +18,6 @@ from flexmotion.retarget.part_paths import PartGoal, PartGoals
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.state import RetargetState
-from flexmotion.retarget.steps import Step
 from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
@@ -27,10 +26,10 @@ from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, HeadPlace, Relax
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.answers import Answers
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, arrived
 from flexmotion.streamer.planning.left import Left
-from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held
 
 Float = NDArray[np.float64]
 
@@ -87,15 +86,15 @@ class HeadTargets:
     def __init__(
         self, retargeter: Retargeter, publish: Callable[[Heard], None], on_note: Callable[[str], None]
     ) -> None:
-        self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
-        self._rate = retargeter.rate
+        self._retargeter, self._rate = retargeter, retargeter.rate
+        self._answers = Answers(retargeter.rate, publish, on_note)
+        self._revisions = self._answers.revisions
         self.halted = False
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._held: _Held | None = None
         self._left = Left(publish, _HALTED)
-        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revisions, self._all_go = Revisions(self._rate), False
+        self._all_go = False
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
@@ -104,7 +103,7 @@ class HeadTargets:
     def let_go(self) -> None:
         """Let the head go on a request that is answered elsewhere."""
         for target, _ in self._waiting:
-            self._tell(target, "superseded", "it was let go right after it")
+            self._answers.unfollowed(target, "superseded", "it was let go right after it")
         self._waiting, self._all_go = [], True
 
     def update(
@@ -133,12 +132,12 @@ class HeadTargets:
         ended = ended_by(row)
         if ended is not None:
             for target, _ in waiting:
-                self._tell(target, "refused", ended)
+                self._answers.unfollowed(target, "refused", ended)
             # Asked anew while the stop lasts: a plan that was to begin to bend the legs may never be played.
             bent = self.halted if playing is None else self._is_bent(playing, tick)
             self._halt(bent and State(int(row.state)) in _STANDS)
             self._end(ended, over="stopped")
-            self._answer_all()
+            self._answers.nothing_holds()
             return
         self._answer(row)
         self._arrive(row, tick)
@@ -152,8 +151,7 @@ class HeadTargets:
         if not (urgent or waiting):
             self._correct(tick, playing)
         for target, born_s in waiting:
-            if target.too_late(now_s - born_s):
-                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+            if self._answers.expired(target, now_s - born_s):
                 continue
             born = tick + (born_s - now_s) * self._rate
             try:
@@ -163,15 +161,15 @@ class HeadTargets:
                     self._require_stand(playing, born, needed, caps)
                     self._begin(target, born, tick, playing)
             except ConfigError as error:
-                self._tell(target, "refused", str(error))
+                self._answers.unfollowed(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed; the one that holds is over."""
         for target, _ in self._waiting:
-            self._tell(target, "refused", reason)
+            self._answers.unfollowed(target, "refused", reason)
         self._waiting = []
         self.give_way(reason, over="stopped")
-        self._answer_all()
+        self._answers.nothing_holds()
 
     def give_way(self, reason: str, state: Fate = "refused", over: Over = "superseded") -> None:
         """The one that holds is over: the robot needs its feet.
@@ -229,7 +227,7 @@ class HeadTargets:
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know what holds; 0: none plays."""
-        if not plan and not (self._held or self._let_go):
+        if not plan and not (self._held or self._answers.waits):
             return False
         return self._revisions.wants(plan, tick)
 
@@ -254,7 +252,7 @@ class HeadTargets:
     def _require_stand(self, playing: Plan | None, born: float, needed: str | None, caps: Mapping[int, float]) -> None:
         """Raises `ConfigError` where no head can be brought to a place now, wherever that is."""
         robot, legs = self._retargeter.robot, self._retargeter.legs
-        steps = playing is not None and any(step.land > born for step in self._all_steps(playing))
+        steps = playing is not None and any(step.land > born for step in self._retargeter.steps_of(playing))
         if needed is not None or steps:
             raise ConfigError(f"{HEAD_PLACE}: the robot walks, or makes a step: expected one that stands (hold)")
         capped = [robot.joint_names[int(joint)] for joint in legs if int(joint) in caps]
@@ -296,7 +294,7 @@ class HeadTargets:
                 least_s, back_s = self._seconds(state, found.channels, upper)
             except ConfigError as error:
                 if not held.kept:
-                    self._on_note(f"{HEAD_PLACE}: the weight of the arms is not made up for: {error}")
+                    self._answers.on_note(f"{HEAD_PLACE}: the weight of the arms is not made up for: {error}")
                 self._held = replace(held, kept=True)
                 return
             due = min(soon, held.goal.until)
@@ -334,8 +332,7 @@ class HeadTargets:
         if self._held is None and not self.halted:
             raise not_held(intent.part, self.all_held())
         self._rise()
-        heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
-        self._let_go.append((self._revisions.newest, heard))
+        self._answers.relaxed(target)
 
     def _rise(self) -> None:
         if self._held is not None or self.halted:
@@ -346,11 +343,6 @@ class HeadTargets:
     def _is_bent(self, plan: Plan, tick: float) -> bool:
         """Whether a plan leads hips and trunk at a tick, to a place or back."""
         return bool(self._retargeter.parts.led(self._state(plan, tick), tick)[0])
-
-    def _all_steps(self, plan: Plan) -> list[Step]:
-        """The steps of a plan: those that are settled where it begins, and those that lift within it."""
-        settled = self._retargeter.layout.view(plan.states[0].copy()).steps.steps()
-        return [*settled, *plan.steps]
 
     # ------------------------------------------------------------------ answers
 
@@ -365,28 +357,14 @@ class HeadTargets:
         last = tick >= min(held.there + ARRIVES_S * self._rate, held.until)
         heard = arrived(held.heard, off, max(held.intent.tolerance, LEAST_M), told, last=last)
         if heard is not held.heard:
-            self._publish(heard)
+            self._answers.publish(heard)
             self._held = replace(held, heard=heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
-        known = self._revisions.known(int(row.plan), int(row.pending))
-        held = self._held
+        known, held = self._answers.taken(row), self._held
         if held is not None and not held.answered and held.heard.tick is not None and known >= held.revision:
-            heard = held.heard.model_copy(update={"at_s": held.heard.tick / self._rate})
-            self._held = replace(held, heard=heard, answered=True)
-            self._publish(heard)
-            if heard.state != "accepted":
-                self._on_note(str(heard.told()))
-        for _, heard in [one for one in self._let_go if one[0] <= known]:
-            self._publish(heard)
-        self._let_go = [one for one in self._let_go if one[0] > known]
-
-    def _answer_all(self) -> None:
-        """Nothing is held any more, whatever plan plays."""
-        for _, heard in self._let_go:
-            self._publish(heard)
-        self._let_go = []
+            self._held = replace(held, heard=self._answers.followed(held.heard), answered=True)
 
     def _end(self, reason: str, state: Fate = "refused", over: Over = "superseded") -> None:
         held, self._held = self._held, None
@@ -395,16 +373,13 @@ class HeadTargets:
         if held.answered and self.halted:
             self._leave(held.heard)
             return
-        if held.answered:
-            self._publish(held.heard.model_copy(update={"over": over}))
-        else:
-            self._publish(held.heard.model_copy(update={"state": state, "reason": reason, "tick": None}))
-        self._on_note(f"over: {held.intent}: {reason}")
+        self._answers.ended(held.heard, held.answered, over, state, reason)
+        self._answers.on_note(f"over: {held.intent}: {reason}")
 
     def _halt(self, halts: bool) -> None:
         """A stop is in force, and hips and trunk stay where it has met them, or the robot stands upright."""
         if halts and not self.halted:
-            self._on_note(_HALTED)
+            self._answers.on_note(_HALTED)
         self.halted = halts
         if not halts:
             self._unhalt("stopped")
@@ -412,7 +387,7 @@ class HeadTargets:
     def _leave(self, heard: Heard) -> None:
         """A stop has ended the target that was answered so; hips and trunk are still where it has brought them."""
         if not self.halted:
-            self._publish(heard.model_copy(update={"over": "stopped"}))
+            self._answers.later(heard, over="stopped")
             return
         self._left.take(heard)
 
@@ -424,11 +399,6 @@ class HeadTargets:
     def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""
         held, self._held = self._held, None
-        if held is not None and held.answered:
-            self._publish(held.heard.model_copy(update={"over": over}))
-        elif held is not None:
+        if held is not None:
             reason = "a newer target for the head came before a plan followed it"
-            self._publish(held.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
-
-    def _tell(self, target: Target, state: str, reason: str) -> None:
-        tell_unfollowed(target, state, reason, self._publish, self._on_note)
+            self._answers.ended(held.heard, held.answered, over, "superseded", reason)

@@ -21,13 +21,14 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.whole_body import POSTURE
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, Over
+from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
 from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
 from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.answers import Answers
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, LEAST_RAD, arrived
-from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held
 
 Float = NDArray[np.float64]
 
@@ -71,13 +72,13 @@ class PartTargets:
         caps: Callable[[], Mapping[int, float]] = dict,
     ) -> None:
         self._caps = caps
-        self._retargeter, self._publish, self._on_note = retargeter, publish, on_note
-        self._rate = retargeter.rate
+        self._retargeter, self._rate = retargeter, retargeter.rate
+        self._answers = Answers(retargeter.rate, publish, on_note)
+        self._revisions = self._answers.revisions
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._holding: list[_Holding] = []
-        self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revisions, self._ended = Revisions(self._rate), 0.0
+        self._ended = 0.0
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
@@ -99,32 +100,27 @@ class PartTargets:
         self._follow(row, tick)
         waiting, self._waiting = self._waiting, []
         for target, born_s in waiting:
-            if target.too_late(now_s - born_s):
-                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+            if self._answers.expired(target, now_s - born_s):
                 continue
             try:
                 self._begin(target, tick + (born_s - now_s) * self._rate, q)
             except (ConfigError, RetargetError) as error:
-                self._tell(target, "refused", str(error))
+                self._answers.unfollowed(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed; those that hold are over."""
         for target, _ in self._waiting:
-            self._tell(target, "refused", reason)
+            self._answers.unfollowed(target, "refused", reason)
         for one in self._holding:
-            if one.answered:
-                self._over(one, "stopped")
-            else:
-                self._publish(one.heard.model_copy(update={"state": "refused", "reason": reason, "tick": None}))
-        for _, heard in self._relaxed:
-            self._publish(heard)
+            self._end(one, "stopped", "refused", reason)
+        self._answers.nothing_holds()
         numbers = [target.id for target, _ in self._waiting] + [one.target.id for one in self._holding]
         self._ended = max([self._ended, *numbers])
-        self._waiting, self._holding, self._relaxed = [], [], []
+        self._waiting, self._holding = [], []
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know all targets."""
-        if not plan and not (self._waiting or self._holding or self._relaxed):
+        if not plan and not (self._waiting or self._holding or self._answers.waits):
             return False  # no plan plays, and nothing is asked: what is over needs none
         return self._revisions.wants(plan, tick)
 
@@ -159,8 +155,8 @@ class PartTargets:
             known = {} if one.answered else {"slowed": slowed, "tick": rows.start_tick}
             heard = one.heard.model_copy(update={"moved": moved, "state": answer, **known})
             if one.answered and away is not None:
-                self._publish(heard)  # a later version: the plan that was answered did not reach so far
-                self._on_note(str(heard.told()))
+                self._answers.publish(heard)  # a later version: the plan that was answered did not reach so far
+                self._answers.on_note(str(heard.told()))
             self._holding[place] = replace(one, heard=heard, delivered=delivered, there=due)
 
     def begin_with(self, plan: Plan) -> None:
@@ -218,8 +214,8 @@ class PartTargets:
         for one in gone:
             self._supersede(one, "let go")
         self._holding = [one for one in self._holding if one not in gone]
-        heard = Heard(id=target.id, asked=words_of(intent), state="accepted", heard_as="relax")
-        self._relaxed.append((self._revisions.change(), heard))
+        self._revisions.change()
+        self._answers.relaxed(target)
 
     def _solved(self, intent: Placed, q: Float) -> Solved:
         solver = self._retargeter.solver
@@ -277,18 +273,10 @@ class PartTargets:
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
-        known = self._revisions.known(int(row.plan), int(row.pending))
+        known = self._answers.taken(row)
         for place, one in enumerate(self._holding):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                at_s = one.heard.tick / self._rate
-                heard = one.heard.model_copy(update={"at_s": at_s})
-                self._holding[place] = replace(one, heard=heard, answered=True)
-                self._publish(heard)
-                if heard.state != "accepted":
-                    self._on_note(str(heard.told()))
-        for _, heard in [one for one in self._relaxed if one[0] <= known]:
-            self._publish(heard)
-        self._relaxed = [one for one in self._relaxed if one[0] > known]
+                self._holding[place] = replace(one, heard=self._answers.followed(one.heard), answered=True)
 
     def _follow(self, row: TickRow, tick: float) -> None:
         """Tell which parts are there, and whose time is over."""
@@ -312,23 +300,18 @@ class PartTargets:
         heard = arrived(one.heard, off, tolerance, told, last=last)
         if heard is one.heard:
             return one
-        self._publish(heard)
+        self._answers.publish(heard)
         return replace(one, heard=heard)
 
     def _over(self, one: _Holding, how: Over) -> _Holding:
         """A part's target that was followed holds no longer: that is told once."""
         if not one.answered or one.heard.over is not None:
             return one
-        heard = one.heard.model_copy(update={"over": how})
-        self._publish(heard)
-        return replace(one, heard=heard)
+        return replace(one, heard=self._answers.later(one.heard, over=how))
 
     def _supersede(self, one: _Holding, how: Over) -> None:
-        if one.answered:
-            self._over(one, how)
-        else:
-            reason = "a newer target for this part came before a plan followed it"
-            self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
+        self._end(one, how, "superseded", "a newer target for this part came before a plan followed it")
 
-    def _tell(self, target: Target, state: str, reason: str) -> None:
-        tell_unfollowed(target, state, reason, self._publish, self._on_note)
+    def _end(self, one: _Holding, how: Over, state: Fate, reason: str) -> None:
+        if one.heard.over is None:  # while its part fades out, that is told already
+            self._answers.ended(one.heard, one.answered, how, state, reason)

@@ -37,8 +37,8 @@ from flexmotion.streamer.motion.restriction_intents import (
     TorqueCap,
 )
 from flexmotion.streamer.motion.targets import Target
-from flexmotion.streamer.planning.revisions import Revisions
-from flexmotion.streamer.planning.target_ledger import ended_by, not_held, tell_unfollowed
+from flexmotion.streamer.planning.answers import Answers
+from flexmotion.streamer.planning.target_ledger import ended_by, not_held
 
 Float = NDArray[np.float64]
 
@@ -106,14 +106,15 @@ class RestrictionTargets:
         on_planted: Callable[[str], None],
         turns: int = 1,
     ) -> None:
-        self._retargeter, self._publish, self._on_note, self._on_planted = retargeter, publish, on_note, on_planted
+        self._retargeter, self._on_planted = retargeter, on_planted
         self._rate, self._turns = retargeter.rate, turns
+        self._answers = Answers(retargeter.rate, publish, on_note)
+        self._revisions = self._answers.revisions
         self.all_held: Callable[[], Iterable[str]] = tuple  # what holds of all records, in the names of `Relax`
         self._waiting: list[tuple[Target, float]] = []
         self._held: list[_Held] = []
         self._inherited: _Inherited | None = None
-        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
-        self._revisions, self._all_go = Revisions(self._rate), False
+        self._all_go = False
 
     def take(self, target: Target, born_s: float) -> None:
         """Take a target that has arrived, and when it was sent on the planner's clock [s]."""
@@ -123,7 +124,7 @@ class RestrictionTargets:
         """All that restricts the robot is to end, on a request that is answered elsewhere."""
         self._all_go = True
         for target, _ in self._waiting:  # they came before
-            self._tell(target, "superseded", "it was let go right after it")
+            self._answers.unfollowed(target, "superseded", "it was let go right after it")
         self._waiting = []
 
     def update(self, row: TickRow, tick: float, now_s: float, upper: Float, bent: str | None = None) -> None:
@@ -141,7 +142,7 @@ class RestrictionTargets:
         all_go, self._all_go = self._all_go, False
         if ended is not None:
             for target, _ in waiting:
-                self._tell(target, "refused", ended)
+                self._answers.unfollowed(target, "refused", ended)
             without_torque = State(int(row.state)) in _WITHOUT_TORQUE
             # A stop is made by a plan that knows no more than what was answered.
             self._end(ended, [] if without_torque else self._certain(tick))
@@ -152,21 +153,20 @@ class RestrictionTargets:
             if self._inherited is not None:
                 self._revisions.change()
         if any(one.until <= tick for one in self._held):
-            self._on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
+            self._answers.on_note(f"over: {', '.join(str(one.intent) for one in self._held if one.until <= tick)}")
             self._keep([one for one in self._held if one.until > tick], "expired")
         for target, born_s in waiting:
-            if target.too_late(now_s - born_s):
-                self._tell(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+            if self._answers.expired(target, now_s - born_s):
                 continue
             try:
                 self._begin(target, tick + (born_s - now_s) * self._rate, upper, bent)
             except ConfigError as error:
-                self._tell(target, "refused", str(error))
+                self._answers.unfollowed(target, "refused", str(error))
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed."""
         for target, _ in self._waiting:
-            self._tell(target, "refused", reason)
+            self._answers.unfollowed(target, "refused", reason)
         self._waiting, self._all_go = [], False
 
     def begin_with(self, number: int, plan: Plan, heard: Sequence[Heard] = ()) -> None:
@@ -197,12 +197,12 @@ class RestrictionTargets:
             Tension: frozenset(limbs),
         }
         self._inherited = _Inherited(number, binds, ", ".join(words), heard)
-        self._on_note(f"until the next target: {self._inherited.words}: the planner was started again")
+        self._answers.on_note(f"until the next target: {self._inherited.words}: the planner was started again")
 
     def _outlive(self, row: TickRow) -> None:
         """Tell when what was inherited acts no longer: the loop plays another plan, or none."""
         if self._inherited is not None and int(row.plan) != self._inherited.plan:
-            self._on_note(f"over: {self._inherited.words}")
+            self._answers.on_note(f"over: {self._inherited.words}")
             self._are_over(self._inherited.heard, "stopped")
             self._inherited = None
 
@@ -244,7 +244,7 @@ class RestrictionTargets:
 
     def wants(self, plan: int, tick: int) -> bool:
         """Whether a plan is due because the one with this id does not know all restrictions; 0: none plays."""
-        if not plan and not (self._held or self._let_go):
+        if not plan and not (self._held or self._answers.waits):
             return False
         return self._revisions.wants(plan, tick)
 
@@ -346,8 +346,7 @@ class RestrictionTargets:
         self._keep([one for one in kept if one.binds], "let go")
         if ends:  # the next plan knows of nothing that was inherited
             self._revisions.change()
-        heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
-        self._let_go.append((self._revisions.newest, heard))
+        self._answers.relaxed(target)
 
     def _freed(self, part: str) -> tuple[type[Restriction], frozenset[int]]:
         """The kind of restriction that a name of `Relax` lets go, and what it binds."""
@@ -379,11 +378,8 @@ class RestrictionTargets:
         for one in self._held:
             if one.target.id in ids:
                 continue
-            if one.answered:
-                self._are_over([one.heard], over)
-            else:
-                reason = "a newer target came before a plan followed it"
-                self._publish(one.heard.model_copy(update={"state": "superseded", "reason": reason, "tick": None}))
+            reason = "a newer target came before a plan followed it"
+            self._answers.ended(one.heard, one.answered, over, "superseded", reason)
         if kept != self._held:
             self._held = kept
             self._revisions.change()
@@ -395,7 +391,7 @@ class RestrictionTargets:
             return replace(one, binds=binds)
         heard = one.heard.model_copy(update={"heard_as": self._named(one.intent, binds)})
         if one.answered:
-            self._publish(heard)
+            self._answers.publish(heard)
         return replace(one, binds=binds, heard=heard)
 
     def _without(self, one: _Held, free: frozenset[int]) -> _Held:
@@ -418,38 +414,29 @@ class RestrictionTargets:
     def _are_over(self, answers: Sequence[Heard], how: Over) -> None:
         """What held for these answers holds no longer."""
         for heard in answers:
-            self._publish(heard.model_copy(update={"over": how}))
+            self._answers.later(heard, over=how)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
-        known = self._revisions.known(int(row.plan), int(row.pending))
+        known = self._answers.taken(row)
         for place, one in enumerate(self._held):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                heard = one.heard.model_copy(update={"at_s": one.heard.tick / self._rate})
+                heard = self._answers.followed(one.heard)
                 self._held[place] = replace(one, heard=heard, answered=True, displaced=())
-                self._publish(heard)
-        for _, heard in [one for one in self._let_go if one[0] <= known]:
-            self._publish(heard)
-        self._let_go = [one for one in self._let_go if one[0] > known]
 
     def _end(self, reason: str, kept: Sequence[_Held] = ()) -> None:
         """What holds is over, but for some, and what waits for an answer gets it."""
         ids = {one.target.id for one in kept}
         over = [one for one in self._held if one.target.id not in ids]
         for one in over:
-            ended = {"over": "stopped"} if one.answered else {"state": "refused", "reason": reason, "tick": None}
-            self._publish(one.heard.model_copy(update=ended))
+            self._answers.ended(one.heard, one.answered, "stopped", "refused", reason)
         known = {one.target.id: one.heard for one in self._held}
         for one in kept:
             if one.heard != known.get(one.target.id):
-                self._publish(one.heard)  # what had taken its place was never followed: it holds again
-        for _, heard in self._let_go:
-            self._publish(heard)
+                self._answers.publish(one.heard)  # what had taken its place was never followed: it holds again
+        self._answers.nothing_holds()
         if over:
-            self._on_note(f"over: {', '.join(str(one.intent) for one in over)}")
+            self._answers.on_note(f"over: {', '.join(str(one.intent) for one in over)}")
         if list(kept) != self._held:
             self._revisions.change()
-        self._held, self._let_go = list(kept), []
-
-    def _tell(self, target: Target, state: str, reason: str) -> None:
-        tell_unfollowed(target, state, reason, self._publish, self._on_note)
+        self._held = list(kept)

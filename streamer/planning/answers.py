@@ -1,0 +1,92 @@
+"""`Answers`: what is told of targets beside the one for the whole body: one answer each, and its later versions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard, Over
+from flexmotion.streamer.motion.heard import State as Fate
+from flexmotion.streamer.motion.intents import words_of
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.revisions import Revisions
+from flexmotion.streamer.planning.target_ledger import tell_unfollowed
+
+
+class Answers:
+    """Answers a target once the loop has taken a plan that follows it.
+
+    Args:
+        rate_hz: ticks a second.
+        publish: is given every answer and its later versions; on_note: a message for the operator.
+
+    Attributes:
+        revisions: the changes of what holds, which plans know.
+    """
+
+    def __init__(self, rate_hz: float, publish: Callable[[Heard], None], on_note: Callable[[str], None]) -> None:
+        self.publish, self.on_note = publish, on_note
+        self.revisions, self._rate = Revisions(rate_hz), rate_hz
+        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
+
+    @property
+    def waits(self) -> bool:
+        """Whether the answer to a `Relax` waits for a plan."""
+        return bool(self._let_go)
+
+    def unfollowed(self, target: Target, state: Fate, reason: str) -> None:
+        """A target that no plan follows is answered at once."""
+        tell_unfollowed(target, state, reason, self.publish, self.on_note)
+
+    def expired(self, target: Target, age_s: float) -> bool:
+        """Whether a target of an age is too old to be taken up, which is told [s]."""
+        late = target.too_late(age_s)
+        if late:
+            self.unfollowed(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
+        return late
+
+    def relaxed(self, target: Target) -> None:
+        """A `Relax` is answered with the plan that knows of the newest change."""
+        heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
+        self._let_go.append((self.revisions.newest, heard))
+
+    def taken(self, row: TickRow) -> int:
+        """Answer what was let go by the plans that the loop has taken; returns the newest change that they know."""
+        known = self.revisions.known(int(row.plan), int(row.pending))
+        self._answer_up_to(known)
+        return known
+
+    def nothing_holds(self) -> None:
+        """What was let go holds no more, whatever plan plays."""
+        self._answer_up_to(self.revisions.newest)
+
+    def followed(self, heard: Heard) -> Heard:
+        """The first answer to a target that a plan follows from `heard.tick` on, now with its time."""
+        assert heard.tick is not None
+        heard = self.later(heard, at_s=heard.tick / self._rate)
+        if heard.state != "accepted":
+            self.on_note(str(heard.told()))
+        return heard
+
+    def ended(self, heard: Heard, answered: bool, over: Over, state: Fate, reason: str) -> Heard:
+        """A target holds no longer.
+
+        Args:
+            answered: whether it has been: then it is told how it ended, `over`; else that it was never followed.
+            state: of the answer, where it has none yet; reason: for it.
+        """
+        if answered:
+            return self.later(heard, over=over)
+        return self.later(heard, state=state, reason=reason, tick=None)
+
+    def later(self, heard: Heard, **known: Any) -> Heard:
+        """Publish a version of an answer in which more is known."""
+        heard = heard.model_copy(update=known)
+        self.publish(heard)
+        return heard
+
+    def _answer_up_to(self, known: int) -> None:
+        for _, heard in [one for one in self._let_go if one[0] <= known]:
+            self.publish(heard)
+        self._let_go = [one for one in self._let_go if one[0] > known]
