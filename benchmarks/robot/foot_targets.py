@@ -12,33 +12,41 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-import typer
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.robot.model_run import sampler_of
-from benchmarks.robot.simulation import simulator
+from benchmarks.shared.asked_runs import (
+    PerturbedOption,
+    RunsOption,
+    SeedOption,
+    TargetsOption,
+    answers,
+    by_prompt,
+    degrees,
+    millimetres,
+    passed_ticks,
+    percent,
+    prompted_session,
+    safety,
+    share,
+    show,
+    states,
+    stays_up,
+    true_state,
+)
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.configs.stream import load_stream
-from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.motion.intents import Intent, Text, Velocity
-from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.part_intents import FootPlace, Relax
 from flexmotion.streamer.motion.part_values import SIDES
 from flexmotion.streamer.motion.restriction_intents import Contact
-from flexmotion.streamer.motion.robot_pace import human_pace
-from flexmotion.streamer.motion.script import Item
-from flexmotion.streamer.run.session import Session
 
 Float = NDArray[np.float64]
 
@@ -161,21 +169,17 @@ def drawn(robot: Robot, rng: np.random.Generator) -> FootPlace:
 
 def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
     """One run; the first one is asked for what cannot be done as well."""
-    robot, sampler = load_robot("op3"), sampler_of(None)
-    prompt, rng = PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
+    robot, prompt, rng = load_robot("op3"), PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
     others = list(_OTHERS) if seed == first else []
     asked = [(FIRST_S + EVERY_S * place, drawn(robot, rng)) for place in range(targets)]
     seconds = FIRST_S + EVERY_S * (targets + len(others)) + LAST_S
-    source = ModelSource(
-        sampler, [Item(0.0, Text(prompt))], prompt, seed, seconds + 10.0, human_pace(robot, sampler.body)
-    )
-    session = Session(robot, simulator(robot, perturbed, seed), source, load_stream(), seconds)
+    session = prompted_session(prompt, seed, seconds, perturbed=perturbed)
     sent: dict[int, tuple[int, FootPlace, bool]] = {}
     impossible: dict[int, str] = {}
     prepared = [False]
 
     def ask() -> None:
-        tick = 0 if session.loop is None else session.loop.tick_count
+        tick = passed_ticks(session)
         passed = tick / robot.rate_hz
         if len(sent) < targets:
             if passed >= asked[len(sent)][0]:
@@ -195,15 +199,14 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
 
     session.next_request = ask
     record = session.run()
-    states = {heard.id: heard.state for heard in session.heard}
-    up = ~np.isin(record.ticks.state, (State.DAMPED, State.FAULT))
+    answered = {heard.id: heard.state for heard in session.heard}
     soles = Soles(robot)
     return Run(
-        rows=[_row(record, soles, prompt, seed, states.get(number, "-"), *one) for number, one in sent.items()],
-        upright=bool(up.all()),
+        rows=[_row(record, soles, prompt, seed, answered.get(number, "-"), *one) for number, one in sent.items()],
+        upright=bool(stays_up(record).all()),
         tilt_deg=float(np.degrees(np.linalg.norm(record.ticks.tilt, axis=1).max())),
         violations=record.violations_sent,
-        asked_for={what: states.get(number, "-") for number, what in impossible.items()},
+        asked_for={what: answered.get(number, "-") for number, what in impossible.items()},
     )
 
 
@@ -232,34 +235,24 @@ def _row(
 
 
 def _at(record: RunTrace, soles: Soles, side: str, tick: float) -> Float:
-    row = int(np.searchsorted(record.ticks.tick, tick))
-    if row >= len(record.ticks.tick):
-        return np.full(3, np.nan)  # the robot fell before
-    return soles.seen(side, record.ticks.true_base[row], record.ticks.true_q[row])
+    state = true_state(record, tick)
+    return np.full(3, np.nan) if state is None else soles.seen(side, *state)
 
 
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far, turned = (
-        float(np.mean([value <= bound for value in values]))
-        for values, bound in (
-            ([row.foot_m for row in rows], NEAR_M),
-            ([row.later_m for row in rows], FAR_M),
-            ([abs(row.turn_deg) for row in rows], TURN_DEG),
-        )
-    )
+    near, far = share([row.foot_m for row in rows], NEAR_M), share([row.later_m for row in rows], FAR_M)
+    turned = share([abs(row.turn_deg) for row in rows], TURN_DEG)
     back = [row for row in rows if not row.stays]
     beside = sum(row.beside_m <= (FAR_M if row.prompt == STANDS else GESTURE_M) for row in back)
     expected = {what: state for what, _, _, _, state in _OTHERS}
-    upright, sent = sum(run.upright for run in runs), sum(run.violations for run in runs)
     return [
         Verdict(f"sole within 1 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"within 2 cm half a second later: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
         Verdict(f"heading within 4° then: {turned:.0%} (>= 95 %)", turned >= TURN_SHARE),
         Verdict(f"side by side again (2 cm, in a gesture 5.5): {beside} of {len(back)} (all)", beside == len(back)),
-        Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
-        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
+        *safety(runs),
         as_documented((run.asked_for for run in runs), expected),
     ]
 
@@ -278,47 +271,38 @@ def figures(runs: Sequence[Run]) -> dict[str, Any]:
             "later_median_m": float(np.median(later)),
             "later_p95_m": float(np.percentile(later, 95)),
             "turn_p95_deg": float(np.percentile(np.abs([row.turn_deg for row in own]), 95)),
-            "states": {state: sum(row.state == state for row in own) for state in sorted({row.state for row in own})},
+            "states": states(own),
         }
 
-    prompts = {
-        prompt: of([row for row in rows if row.prompt == prompt])
-        for prompt in dict.fromkeys(PROMPTS)
-        if any(row.prompt == prompt for row in rows)
-    }
     impossible = {what: state for run in runs for what, state in run.asked_for.items()}
     tilt = max(run.tilt_deg for run in runs)
-    return of(rows) | {"greatest_tilt_deg": tilt, "prompts": prompts, "impossible": impossible}
+    return by_prompt(rows, of) | {"greatest_tilt_deg": tilt, "impossible": impossible}
+
+
+COLUMNS = {
+    "within 1 cm": percent("within_near"),
+    "median": millimetres("median_m"),
+    "95 %": millimetres("p95_m"),
+    "later": millimetres("later_median_m"),
+    "later 95 %": millimetres("later_p95_m"),
+    "heading 95 %": degrees("turn_p95_deg"),
+    "answers": answers,
+}
 
 
 def main(
-    runs: Annotated[int, typer.Option(min=1, help="How many, with the prompts in turn.")] = 5,
-    targets: Annotated[int, typer.Option(min=1, help="Of each run.")] = 10,
-    perturbed: Annotated[bool, typer.Option("--perturbed", help="Standard perturbations, at 3.5 kg.")] = False,
+    runs: RunsOption = 5,
+    targets: TargetsOption = 10,
+    perturbed: PerturbedOption = False,
     jobs: JobsOption = 1,
-    seed: Annotated[int, typer.Option(help="Of the first run; results are kept of 1000, 0 is for tuning.")] = 1000,
+    seed: SeedOption = 1000,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Run them all, and measure where the soles are."""
     one = partial(run, targets=targets, perturbed=perturbed, first=seed)
     done = in_order(one, range(seed, seed + runs), jobs)
     found = figures(done)
-    table = Table(
-        "prompt", "targets", "within 1 cm", "median", "95 %", "later", "later 95 %", "heading 95 %", "answers"
-    )
-    for name, own in [*found["prompts"].items(), ("all", found)]:
-        table.add_row(
-            name,
-            str(own["targets"]),
-            f"{own['within_near']:.0%}",
-            f"{1000 * own['median_m']:.1f} mm",
-            f"{1000 * own['p95_m']:.1f} mm",
-            f"{1000 * own['later_median_m']:.1f} mm",
-            f"{1000 * own['later_p95_m']:.1f} mm",
-            f"{own['turn_p95_deg']:.1f}°",
-            ", ".join(f"{count} {state}" for state, count in own["states"].items()),
-        )
-    Console(width=120).print(table)
+    show(found, COLUMNS)
     if csv_out is not None:
         write_csv(csv_out, [asdict(row) for run in done for row in run.rows])
     return Outcome(verdicts(done), found)

@@ -11,32 +11,41 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-import typer
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.robot.model_run import sampler_of
-from benchmarks.robot.simulation import simulator
+from benchmarks.shared.asked_runs import (
+    PerturbedOption,
+    RunsOption,
+    SeedOption,
+    TargetsOption,
+    answers,
+    by_prompt,
+    degrees,
+    millimetres,
+    passed_ticks,
+    percent,
+    prompted_session,
+    safety,
+    share,
+    show,
+    states,
+    stays_up,
+    true_state,
+    untouched,
+)
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.configs.stream import load_stream
-from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Intent, Text
-from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import Hand, JointAngle, Look, Relax
 from flexmotion.streamer.motion.part_values import SIDES
-from flexmotion.streamer.motion.robot_pace import human_pace
-from flexmotion.streamer.motion.script import Item
-from flexmotion.streamer.run.session import Session
 
 Float = NDArray[np.float64]
 
@@ -159,21 +168,17 @@ def drawn(robot: Robot, measured: Measured, rng: np.random.Generator) -> tuple[H
 
 def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
     """One run; the first one is asked for what cannot be done as well."""
-    robot, sampler = load_robot("op3"), sampler_of(None)
-    prompt, rng = PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
+    robot, prompt, rng = load_robot("op3"), PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
     others = list(_OTHERS) if seed == first else []
     measured = Measured(robot)
     asked = [(FIRST_S + EVERY_S * place, *drawn(robot, measured, rng)) for place in range(targets)]
     seconds = FIRST_S + EVERY_S * (targets + len(others)) + LAST_S
-    source = ModelSource(
-        sampler, [Item(0.0, Text(prompt))], prompt, seed, seconds + 10.0, human_pace(robot, sampler.body)
-    )
-    session = Session(robot, simulator(robot, perturbed, seed), source, load_stream(), seconds)
+    session = prompted_session(prompt, seed, seconds, perturbed=perturbed)
     sent: dict[int, tuple[int, Hand, Look]] = {}
     impossible: dict[int, str] = {}
 
     def ask() -> None:
-        tick = 0 if session.loop is None else session.loop.tick_count
+        tick = passed_ticks(session)
         passed = tick / robot.rate_hz
         if len(sent) < targets and passed >= asked[len(sent)][0]:
             _, hand, look = asked[len(sent)]
@@ -185,14 +190,13 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
 
     session.next_request = ask
     record = session.run()
-    states = {heard.id: heard.state for heard in session.heard}
-    upright = ~np.isin(record.ticks.state, (State.DAMPED, State.FAULT))
+    answered, up = {heard.id: heard.state for heard in session.heard}, stays_up(record)
     return Run(
-        rows=[_row(record, measured, prompt, seed, states.get(number, "-"), *one) for number, one in sent.items()],
-        upright=bool(upright.all()),
-        self_contacts=int(np.count_nonzero(record.ticks.true_self_contact & upright)),
+        rows=[_row(record, measured, prompt, seed, answered.get(number, "-"), *one) for number, one in sent.items()],
+        upright=bool(up.all()),
+        self_contacts=int(np.count_nonzero(record.ticks.true_self_contact & up)),
         violations=record.violations_sent,
-        asked_for={what: states.get(number, "-") for number, what in impossible.items()},
+        asked_for={what: answered.get(number, "-") for number, what in impossible.items()},
     )
 
 
@@ -209,34 +213,25 @@ def _row(
 
 
 def _at(record: RunTrace, measured: Measured, tick: int, what: Callable[[], Float]) -> Float:
-    row = int(np.searchsorted(record.ticks.tick, tick))
-    if row >= len(record.ticks.tick):
-        return np.full(3, np.nan)  # the robot fell before
-    measured.pose(record.ticks.true_q[row])
+    state = true_state(record, tick)
+    if state is None:
+        return np.full(3, np.nan)
+    measured.pose(state[1])
     return what()
 
 
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far, head = (
-        float(np.mean([value <= bound for value in values]))
-        for values, bound in (
-            ([row.hand_m for row in rows], NEAR_M),
-            ([row.hand_m for row in rows], FAR_M),
-            ([row.head_deg for row in rows], HEAD_DEG),
-        )
-    )
+    near, far = (share([row.hand_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
+    head = share([row.head_deg for row in rows], HEAD_DEG)
     expected = {what: state for what, _, _, state in _OTHERS}
-    upright, touched = sum(run.upright for run in runs), sum(run.self_contacts for run in runs)
-    sent = sum(run.violations for run in runs)
     return [
         Verdict(f"hand within 1.5 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"hand within 4 cm: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
         Verdict(f"head within 5°: {head:.0%} (>= 95 %)", head >= HEAD_SHARE),
-        Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
-        Verdict(f"ticks in which it touches itself: {touched} (0)", touched == 0),
-        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
+        untouched(sum(run.self_contacts for run in runs)),
+        *safety(runs),
         as_documented((run.asked_for for run in runs), expected),
     ]
 
@@ -255,45 +250,40 @@ def figures(runs: Sequence[Run]) -> dict[str, Any]:
             "p95_m": float(np.percentile(hand, 95)),
             "later_median_m": float(np.median([row.later_m for row in own])),
             "head_p95_deg": float(np.percentile([row.head_deg for row in own], 95)),
-            "slowed": sum(row.state == "slowed" for row in own),
-            "moved": sum(row.state == "moved" for row in own),
+            "states": states(own),
         }
 
-    prompts = {prompt: of([row for row in rows if row.prompt == prompt]) for prompt in dict.fromkeys(PROMPTS)}
     impossible = {what: state for run in runs for what, state in run.asked_for.items()}
-    return of(rows) | {
+    return by_prompt(rows, of) | {
         "self_contacts": sum(run.self_contacts for run in runs),
-        "prompts": {prompt: own for prompt, own in prompts.items() if own["targets"]},
         "impossible": impossible,
     }
 
 
+COLUMNS = {
+    "within 1.5 cm": percent("within_near"),
+    "within 4 cm": percent("within_far"),
+    "median": millimetres("median_m"),
+    "95 %": millimetres("p95_m"),
+    "later": millimetres("later_median_m"),
+    "head 95 %": degrees("head_p95_deg"),
+    "answers": answers,
+}
+
+
 def main(
-    runs: Annotated[int, typer.Option(min=1, help="How many, with the prompts in turn.")] = 10,
-    targets: Annotated[int, typer.Option(min=1, help="Of each run.")] = 10,
-    perturbed: Annotated[bool, typer.Option("--perturbed", help="Standard perturbations, at 3.5 kg.")] = False,
+    runs: RunsOption = 10,
+    targets: TargetsOption = 10,
+    perturbed: PerturbedOption = False,
     jobs: JobsOption = 1,
-    seed: Annotated[int, typer.Option(help="Of the first run; results are kept of 1000, 0 is for tuning.")] = 1000,
+    seed: SeedOption = 1000,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Run them all, and measure where the hands are."""
     one = partial(run, targets=targets, perturbed=perturbed, first=seed)
     done = in_order(one, range(seed, seed + runs), jobs)
     found = figures(done)
-    table = Table("prompt", "targets", "within 1.5 cm", "within 4 cm", "median", "95 %", "head 95 %", "slowed", "moved")
-    for name, own in [*found["prompts"].items(), ("all", found)]:
-        table.add_row(
-            name,
-            str(own["targets"]),
-            f"{own['within_near']:.0%}",
-            f"{own['within_far']:.0%}",
-            f"{100 * own['median_m']:.2f} cm",
-            f"{100 * own['p95_m']:.1f} cm",
-            f"{own['head_p95_deg']:.1f}°",
-            str(own["slowed"]),
-            str(own["moved"]),
-        )
-    Console(width=120).print(table)
+    show(found, COLUMNS)
     if csv_out is not None:
         write_csv(csv_out, [asdict(row) for run in done for row in run.rows])
     return Outcome(verdicts(done), found)

@@ -12,17 +12,31 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-import typer
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.robot.model_run import sampler_of
-from benchmarks.robot.simulation import simulator
+from benchmarks.shared.asked_runs import (
+    PerturbedOption,
+    RunsOption,
+    SeedOption,
+    TargetsOption,
+    answers,
+    by_prompt,
+    millimetres,
+    passed_ticks,
+    percent,
+    prompted_session,
+    safety,
+    share,
+    show,
+    states,
+    stays_up,
+    true_state,
+    untouched,
+)
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
@@ -31,16 +45,11 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.heard import Heard
-from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
-from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.intents import Intent, Stop, Velocity
 from flexmotion.streamer.motion.part_intents import FootPlace, HeadPlace, Relax
 from flexmotion.streamer.motion.restriction_intents import TorqueCap
-from flexmotion.streamer.motion.robot_pace import human_pace
-from flexmotion.streamer.motion.script import Item
-from flexmotion.streamer.run.session import Session
 
 Float = NDArray[np.float64]
 
@@ -163,23 +172,19 @@ def drawn(retargeter: Retargeter, rng: np.random.Generator) -> HeadPlace:
 
 def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
     """One run; the first one is asked for what cannot be done as well."""
-    robot, sampler = load_robot("op3"), sampler_of(None)
-    prompt, rng = PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
+    robot, prompt, rng = load_robot("op3"), PROMPTS[seed % len(PROMPTS)], np.random.default_rng(seed)
     others = list(_OTHERS) if seed == first else []
     retargeter = Retargeter(robot, load_stream())
     asked = [(FIRST_S + EVERY_S * place, drawn(retargeter, rng)) for place in range(targets)]
     other_s = 2.0 * EVERY_S
     seconds = FIRST_S + EVERY_S * targets + other_s * len(others) + LAST_S
-    source = ModelSource(
-        sampler, [Item(0.0, Text(prompt))], prompt, seed, seconds + 10.0, human_pace(robot, sampler.body)
-    )
-    session = Session(robot, simulator(robot, perturbed, seed), source, load_stream(), seconds)
+    session = prompted_session(prompt, seed, seconds, perturbed=perturbed)
     sent: dict[int, tuple[int, HeadPlace]] = {}
     impossible: dict[int, str] = {}
     done = [0]  # steps of the other that is asked for
 
     def ask() -> None:
-        tick = 0 if session.loop is None else session.loop.tick_count
+        tick = passed_ticks(session)
         passed = tick / robot.rate_hz
         if len(sent) < targets:
             if passed >= asked[len(sent)][0]:
@@ -202,17 +207,16 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
 
     session.next_request = ask
     record = session.run()
-    answers = {heard.id: heard for heard in session.heard}
-    up = ~np.isin(record.ticks.state, (State.DAMPED, State.FAULT))
+    heard, up = {heard.id: heard for heard in session.heard}, stays_up(record)
     measured = Measured(robot)
     return Run(
-        rows=[_row(record, measured, prompt, seed, answers.get(number), *one) for number, one in sent.items()],
+        rows=[_row(record, measured, prompt, seed, heard.get(number), *one) for number, one in sent.items()],
         upright=bool(up.all()),
         tilt_deg=float(np.degrees(np.linalg.norm(record.ticks.tilt, axis=1).max())),
         feet_m=_slip(record, measured, FIRST_S, FIRST_S + EVERY_S * targets),
         self_contacts=int(np.count_nonzero(record.ticks.true_self_contact & up)),
         violations=record.violations_sent,
-        asked_for={what: answers[number].state if number in answers else "-" for number, what in impossible.items()},
+        asked_for={what: heard[number].state if number in heard else "-" for number, what in impossible.items()},
     )
 
 
@@ -240,10 +244,8 @@ def _row(
 
 
 def _at(record: RunTrace, measured: Measured, tick: int) -> Float:
-    row = int(np.searchsorted(record.ticks.tick, tick))
-    if row >= len(record.ticks.tick):
-        return np.full(3, np.nan)  # the robot fell before
-    return measured.head(record.ticks.true_base[row], record.ticks.true_q[row])
+    state = true_state(record, tick)
+    return np.full(3, np.nan) if state is None else measured.head(*state)
 
 
 def _slip(record: RunTrace, measured: Measured, begin_s: float, end_s: float) -> float:
@@ -258,16 +260,13 @@ def _slip(record: RunTrace, measured: Measured, begin_s: float, end_s: float) ->
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far = (float(np.mean([row.head_m <= bound for row in rows])) for bound in (NEAR_M, FAR_M))
+    near, far = (share([row.head_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
     expected = {what: state for what, _, _, _, state in _OTHERS}
-    upright, touched = sum(run.upright for run in runs), sum(run.self_contacts for run in runs)
-    sent = sum(run.violations for run in runs)
     return [
         Verdict(f"head within 1.5 cm at the told time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),
         Verdict(f"within 4 cm: {far:.0%} (>= 95 %)", far >= FAR_SHARE),
-        Verdict(f"upright: {upright} of {len(runs)} runs (all)", upright == len(runs)),
-        Verdict(f"ticks in which it touches itself: {touched} (0)", touched == 0),
-        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
+        untouched(sum(run.self_contacts for run in runs)),
+        *safety(runs),
         as_documented((run.asked_for for run in runs), expected),
     ]
 
@@ -286,51 +285,41 @@ def figures(runs: Sequence[Run]) -> dict[str, Any]:
             "p95_m": float(np.percentile(head, 95)),
             "later_median_m": float(np.median(later)),
             "later_p95_m": float(np.percentile(later, 95)),
-            "states": {state: sum(row.state == state for row in own) for state in sorted({row.state for row in own})},
+            "states": states(own),
         }
 
-    prompts = {
-        prompt: of([row for row in rows if row.prompt == prompt])
-        for prompt in dict.fromkeys(PROMPTS)
-        if any(row.prompt == prompt for row in rows)
-    }
-    return of(rows) | {
+    return by_prompt(rows, of) | {
         "greatest_tilt_deg": max(run.tilt_deg for run in runs),
         "greatest_slip_m": max(run.feet_m for run in runs),
         "self_contacts": sum(run.self_contacts for run in runs),
-        "prompts": prompts,
         "impossible": {what: state for run in runs for what, state in run.asked_for.items()},
     }
 
 
+COLUMNS = {
+    "within 1.5 cm": percent("within_near"),
+    "within 4 cm": percent("within_far"),
+    "median": millimetres("median_m"),
+    "95 %": millimetres("p95_m"),
+    "later": millimetres("later_median_m"),
+    "later 95 %": millimetres("later_p95_m"),
+    "answers": answers,
+}
+
+
 def main(
-    runs: Annotated[int, typer.Option(min=1, help="How many, with the prompts in turn.")] = 5,
-    targets: Annotated[int, typer.Option(min=1, help="Of each run.")] = 10,
-    perturbed: Annotated[bool, typer.Option("--perturbed", help="Standard perturbations, at 3.5 kg.")] = False,
+    runs: RunsOption = 5,
+    targets: TargetsOption = 10,
+    perturbed: PerturbedOption = False,
     jobs: JobsOption = 1,
-    seed: Annotated[int, typer.Option(help="Of the first run; results are kept of 1000, 0 is for tuning.")] = 1000,
+    seed: SeedOption = 1000,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Run them all, and measure where the head is."""
     one = partial(run, targets=targets, perturbed=perturbed, first=seed)
     done = in_order(one, range(seed, seed + runs), jobs)
     found = figures(done)
-    table = Table(
-        "prompt", "targets", "within 1.5 cm", "within 4 cm", "median", "95 %", "later", "later 95 %", "answers"
-    )
-    for name, own in [*found["prompts"].items(), ("all", found)]:
-        table.add_row(
-            name,
-            str(own["targets"]),
-            f"{own['within_near']:.0%}",
-            f"{own['within_far']:.0%}",
-            f"{1000 * own['median_m']:.1f} mm",
-            f"{1000 * own['p95_m']:.1f} mm",
-            f"{1000 * own['later_median_m']:.1f} mm",
-            f"{1000 * own['later_p95_m']:.1f} mm",
-            ", ".join(f"{count} {state}" for state, count in own["states"].items()),
-        )
-    Console(width=120).print(table)
+    show(found, COLUMNS)
     if csv_out is not None:
         write_csv(csv_out, [asdict(row) for run in done for row in run.rows])
     return Outcome(verdicts(done), found)
