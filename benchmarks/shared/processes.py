@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 from rich.console import Console
@@ -36,9 +36,16 @@ def in_processes(
     with Progress(console=Console(stderr=True)) as progress, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         bar = progress.add_task("runs", total=done + len(tasks), completed=done)
         running = {pool.submit(function, task): number for number, task in enumerate(tasks)}
-        for future in as_completed(running):
-            yield running[future], future.result()
-            progress.advance(bar)
+        try:
+            for future in as_completed(running):
+                yield running[future], future.result()
+                progress.advance(bar)
+        except BaseException:
+            # The pool would wait for all tasks: a benchmark that fails or is stopped ends now, and they with it.
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():
+                process.terminate()
+            raise
 
 
 def in_order(function: Callable[[Task], Found], tasks: Sequence[Task], jobs: int) -> list[Found]:
