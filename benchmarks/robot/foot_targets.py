@@ -18,29 +18,22 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shared.asked_runs import (
+from benchmarks.robot.asked_run import (
     PerturbedOption,
     RunsOption,
     SeedOption,
     TargetsOption,
-    answers,
-    by_prompt,
-    degrees,
-    millimetres,
     passed_ticks,
-    percent,
     prompted_session,
     safety,
-    share,
-    show,
-    states,
-    stays_up,
     true_state,
+    up_ticks,
 )
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
+from benchmarks.shared.prompt_table import answers, by_prompt, degrees, millimetres, percent, show, states, within
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Intent, Velocity
@@ -203,7 +196,7 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
     soles = Soles(robot)
     return Run(
         rows=[_row(record, soles, prompt, seed, answered.get(number, "-"), *one) for number, one in sent.items()],
-        upright=bool(stays_up(record).all()),
+        upright=bool(up_ticks(record).all()),
         tilt_deg=float(np.degrees(np.linalg.norm(record.ticks.tilt, axis=1).max())),
         violations=record.violations_sent,
         asked_for={what: answered.get(number, "-") for number, what in impossible.items()},
@@ -242,8 +235,8 @@ def _at(record: RunTrace, soles: Soles, side: str, tick: float) -> Float:
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far = share([row.foot_m for row in rows], NEAR_M), share([row.later_m for row in rows], FAR_M)
-    turned = share([abs(row.turn_deg) for row in rows], TURN_DEG)
+    near, far = within([row.foot_m for row in rows], NEAR_M), within([row.later_m for row in rows], FAR_M)
+    turned = within([abs(row.turn_deg) for row in rows], TURN_DEG)
     back = [row for row in rows if not row.stays]
     beside = sum(row.beside_m <= (FAR_M if row.prompt == STANDS else GESTURE_M) for row in back)
     expected = {what: state for what, _, _, _, state in _OTHERS}

@@ -17,30 +17,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shared.asked_runs import (
+from benchmarks.robot.asked_run import (
     PerturbedOption,
     RunsOption,
     SeedOption,
     TargetsOption,
-    answers,
-    by_prompt,
-    degrees,
-    millimetres,
     passed_ticks,
-    percent,
     prompted_session,
     safety,
-    share,
-    show,
-    states,
-    stays_up,
     true_state,
     untouched,
+    up_ticks,
 )
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
+from benchmarks.shared.prompt_table import answers, by_prompt, degrees, millimetres, percent, show, states, within
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Intent, Text
@@ -190,7 +183,7 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
 
     session.next_request = ask
     record = session.run()
-    answered, up = {heard.id: heard.state for heard in session.heard}, stays_up(record)
+    answered, up = {heard.id: heard.state for heard in session.heard}, up_ticks(record)
     return Run(
         rows=[_row(record, measured, prompt, seed, answered.get(number, "-"), *one) for number, one in sent.items()],
         upright=bool(up.all()),
@@ -223,8 +216,8 @@ def _at(record: RunTrace, measured: Measured, tick: int, what: Callable[[], Floa
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far = (share([row.hand_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
-    head = share([row.head_deg for row in rows], HEAD_DEG)
+    near, far = (within([row.hand_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
+    head = within([row.head_deg for row in rows], HEAD_DEG)
     expected = {what: state for what, _, _, state in _OTHERS}
     return [
         Verdict(f"hand within 1.5 cm at the asked time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),

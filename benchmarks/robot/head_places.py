@@ -18,29 +18,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shared.asked_runs import (
+from benchmarks.robot.asked_run import (
     PerturbedOption,
     RunsOption,
     SeedOption,
     TargetsOption,
-    answers,
-    by_prompt,
-    millimetres,
     passed_ticks,
-    percent,
     prompted_session,
     safety,
-    share,
-    show,
-    states,
-    stays_up,
     true_state,
     untouched,
+    up_ticks,
 )
 from benchmarks.shared.impossible import as_documented
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
+from benchmarks.shared.prompt_table import answers, by_prompt, millimetres, percent, show, states, within
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
@@ -207,16 +201,16 @@ def run(seed: int, targets: int, perturbed: bool, first: int) -> Run:
 
     session.next_request = ask
     record = session.run()
-    heard, up = {heard.id: heard for heard in session.heard}, stays_up(record)
+    told, up = {heard.id: heard for heard in session.heard}, up_ticks(record)
     measured = Measured(robot)
     return Run(
-        rows=[_row(record, measured, prompt, seed, heard.get(number), *one) for number, one in sent.items()],
+        rows=[_row(record, measured, prompt, seed, told.get(number), *one) for number, one in sent.items()],
         upright=bool(up.all()),
         tilt_deg=float(np.degrees(np.linalg.norm(record.ticks.tilt, axis=1).max())),
         feet_m=_slip(record, measured, FIRST_S, FIRST_S + EVERY_S * targets),
         self_contacts=int(np.count_nonzero(record.ticks.true_self_contact & up)),
         violations=record.violations_sent,
-        asked_for={what: heard[number].state if number in heard else "-" for number, what in impossible.items()},
+        asked_for={what: told[number].state if number in told else "-" for number, what in impossible.items()},
     )
 
 
@@ -260,7 +254,7 @@ def _slip(record: RunTrace, measured: Measured, begin_s: float, end_s: float) ->
 def verdicts(runs: Sequence[Run]) -> list[Verdict]:
     """What has to hold over all runs."""
     rows = [row for run in runs for row in run.rows]
-    near, far = (share([row.head_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
+    near, far = (within([row.head_m for row in rows], bound) for bound in (NEAR_M, FAR_M))
     expected = {what: state for what, _, _, _, state in _OTHERS}
     return [
         Verdict(f"head within 1.5 cm at the told time: {near:.0%} of {len(rows)} (>= 80 %)", near >= NEAR_SHARE),

@@ -15,14 +15,14 @@ Float = NDArray[np.float64]
 JOINT_AXES = "YXZ"
 """Axes of every joint with three coordinates, intrinsic (see `skeleton`)."""
 
-Ball = tuple[tuple[str, ...], str]
+Ball = tuple[tuple[str, str, str], str]
 """Names of a joint's three coordinates, and its side: "l", "r", or "" for a joint of the trunk."""
 
 REACH = np.radians(100)
 """Beyond this second angle (adduction, bending) the mirror solution of the angles is preferred [rad]."""
 
 
-def three_angles(rotation: Float, joints: tuple[str, ...], side: str = "") -> Float:
+def three_angles(rotation: Float, joints: tuple[str, str, str], side: str = "") -> Float:
     """Coordinates of a joint with three hinges, (T, 3, 3) distal in proximal axes -> (T, 3) [rad].
 
     Every rotation has two solutions within a turn; the result is the sequence that moves least over the whole clip.
@@ -35,7 +35,7 @@ def angles_of_joints(rotation: Float, joints: Sequence[Ball]) -> Float:
 
     Args:
         rotation: distal in proximal axes, (T, J, 3, 3).
-        joints: of each.
+        joints: names and side of each.
 
     Returns:
         Coordinates, joint after joint, (T, 3 J) [rad].
@@ -49,7 +49,7 @@ def angles_of_joints(rotation: Float, joints: Sequence[Ball]) -> Float:
     return angles * [_sign(name, side) for names, side in joints for name in names]
 
 
-def three_angle_rotation(angles: Float, joints: tuple[str, ...], side: str = "") -> Rotation:
+def three_angle_rotation(angles: Float, joints: tuple[str, str, str], side: str = "") -> Rotation:
     """Rotation of the distal in the proximal axes, the inverse of `three_angles`, (T, 3) [rad] -> T rotations."""
     return Rotation.from_euler(JOINT_AXES, angles * [_sign(joint, side) for joint in joints])
 

@@ -83,6 +83,7 @@ class LivePerson:
         self.fps, self.refused = fps, dict.fromkeys(REASONS, 0)
         self.trouble: str | None = None
         self._wanted, self._stream = mapping, 0
+        self._known: Float | None = None  # positions in the last frame that was used
         self._others_since: float | None = None  # since when another body or skeleton has been seen
         self._begin(None)
 
@@ -118,6 +119,7 @@ class LivePerson:
             return self._refuse(frame, time_s, reason)
         self._others_since = None
         self._check.take(time_s, points)
+        self._known = frame.positions
         return self._taken(frame, time_s)
 
     def _begin(self, skeleton: Skeleton | None) -> None:
@@ -128,6 +130,7 @@ class LivePerson:
         self._floor = 0.0
         self._check = FrameCheck()
         self._others_since = None
+        self._known = None
         self._pause()
         if skeleton is None:
             return
@@ -171,14 +174,17 @@ class LivePerson:
         return dict(zip(self._columns, means @ (scale * turn).T, strict=True))
 
     def _seen(self, frame: Frame) -> Frame:
-        """The frame with points of trunk and arms that are not seen where they were, relative to the hips."""
+        """The frame with points of trunk and arms that are not seen where they were, relative to the hips.
+
+        Where they were before a gap counts too: a person who comes back with an arm out of the picture is followed.
+        """
         lost = [at for point, at in self._columns.items() if point in OPTIONAL_POINTS]
         columns = np.concatenate(lost) if lost else np.zeros(0, np.intp)
         hidden = columns[~np.isfinite(frame.positions[columns]).all(axis=1)]
-        if not len(hidden) or self._last is None:
+        if not len(hidden) or self._known is None:
             return frame
         hips = np.concatenate([self._columns["hip_l"], self._columns["hip_r"]])
-        before, positions = self._last[1].positions, frame.positions.copy()
+        before, positions = self._known, frame.positions.copy()
         positions[hidden] = before[hidden] - before[hips].mean(axis=0) + positions[hips].mean(axis=0)
         return replace(frame, positions=positions)
 

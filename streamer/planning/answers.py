@@ -22,22 +22,23 @@ class Answers:
         publish: is given every answer and its later versions; on_note: a message for the operator.
 
     Attributes:
+        on_note: likewise.
         revisions: the changes of what holds, which plans know.
     """
 
     def __init__(self, rate_hz: float, publish: Callable[[Heard], None], on_note: Callable[[str], None]) -> None:
-        self.publish, self.on_note = publish, on_note
+        self._publish, self.on_note = publish, on_note
         self.revisions, self._rate = Revisions(rate_hz), rate_hz
-        self._let_go: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
+        self._relaxed: list[tuple[int, Heard]] = []  # revisions, and answers that wait for a plan of them
 
     @property
     def waits(self) -> bool:
         """Whether the answer to a `Relax` waits for a plan."""
-        return bool(self._let_go)
+        return bool(self._relaxed)
 
     def unfollowed(self, target: Target, state: Fate, reason: str) -> None:
         """A target that no plan follows is answered at once."""
-        tell_unfollowed(target, state, reason, self.publish, self.on_note)
+        tell_unfollowed(target, state, reason, self._publish, self.on_note)
 
     def expired(self, target: Target, age_s: float) -> bool:
         """Whether a target of an age is too old to be taken up, which is told [s]."""
@@ -49,10 +50,14 @@ class Answers:
     def relaxed(self, target: Target) -> None:
         """A `Relax` is answered with the plan that knows of the newest change."""
         heard = Heard(id=target.id, asked=words_of(target.intent), state="accepted", heard_as="relax")
-        self._let_go.append((self.revisions.newest, heard))
+        self._relaxed.append((self.revisions.newest, heard))
 
     def taken(self, row: TickRow) -> int:
-        """Answer what was let go by the plans that the loop has taken; returns the newest change that they know."""
+        """Answer what was let go by the plans that the loop has taken, before what begins with them.
+
+        Returns:
+            The newest change that these plans know.
+        """
         known = self.revisions.known(int(row.plan), int(row.pending))
         self._answer_up_to(known)
         return known
@@ -62,14 +67,20 @@ class Answers:
         self._answer_up_to(self.revisions.newest)
 
     def followed(self, heard: Heard) -> Heard:
-        """The first answer to a target that a plan follows from `heard.tick` on, now with its time."""
+        """The answer to a target that a plan follows from `heard.tick` on, with its time; `tell` it."""
         assert heard.tick is not None
-        heard = self.later(heard, at_s=heard.tick / self._rate)
+        return heard.model_copy(update={"at_s": heard.tick / self._rate})
+
+    def tell(self, heard: Heard) -> None:
+        """Publish a version of an answer; the operator hears of what is not as asked.
+
+        Whoever holds the answer keeps the new version first: what fails in telling it is not told again.
+        """
+        self._publish(heard)
         if heard.state != "accepted":
             self.on_note(str(heard.told()))
-        return heard
 
-    def ended(self, heard: Heard, answered: bool, over: Over, state: Fate, reason: str) -> Heard:
+    def ended(self, heard: Heard, *, answered: bool, over: Over, state: Fate, reason: str) -> None:
         """A target holds no longer.
 
         Args:
@@ -77,16 +88,18 @@ class Answers:
             state: of the answer, where it has none yet; reason: for it.
         """
         if answered:
-            return self.later(heard, over=over)
-        return self.later(heard, state=state, reason=reason, tick=None)
+            self.later(heard, over=over)
+        else:
+            self.later(heard, state=state, reason=reason, tick=None)
 
     def later(self, heard: Heard, **known: Any) -> Heard:
-        """Publish a version of an answer in which more is known."""
+        """Publish a version of an answer in which more is known, without a note."""
         heard = heard.model_copy(update=known)
-        self.publish(heard)
+        self._publish(heard)
         return heard
 
     def _answer_up_to(self, known: int) -> None:
-        for _, heard in [one for one in self._let_go if one[0] <= known]:
-            self.publish(heard)
-        self._let_go = [one for one in self._let_go if one[0] > known]
+        told = [heard for revision, heard in self._relaxed if revision <= known]
+        self._relaxed = [one for one in self._relaxed if one[0] > known]
+        for heard in told:
+            self._publish(heard)

@@ -220,7 +220,7 @@ class FootTargets:
         if held.answered and stays:
             self._left.take(held.heard)
         else:
-            self._answers.ended(held.heard, held.answered, over, state, reason)
+            self._answers.ended(held.heard, answered=held.answered, over=over, state=state, reason=reason)
         self._answers.on_note(f"over: {held.intent}: {reason}")
 
     @property
@@ -284,8 +284,7 @@ class FootTargets:
         known = {} if held.answered else {"tick": rows.start_tick}
         heard = held.heard.model_copy(update={"slowed": slowed, "state": state, **known})
         if held.answered and late:
-            self._answers.publish(heard)  # a later version: plans have found that its swing takes longer
-            self._answers.on_note(str(heard.told()))
+            self._answers.tell(heard)  # a later version: plans have found that its swing takes longer
         self._held = replace(held, heard=heard, lands=lands, until=max(held.until, lands))
 
     # ------------------------------------------------------------------ targets
@@ -378,14 +377,16 @@ class FootTargets:
         last = tick >= min(held.lands + ARRIVES_S * self._rate, held.until)
         heard = arrived(held.heard, off, max(held.intent.tolerance, LEAST_M), told, last=last)
         if heard is not held.heard:
-            self._answers.publish(heard)
             self._held = replace(held, heard=heard)
+            self._answers.later(heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
         known, held = self._answers.taken(row), self._held
         if held is not None and not held.answered and held.heard.tick is not None and known >= held.revision:
-            self._held = replace(held, heard=self._answers.followed(held.heard), answered=True)
+            heard = self._answers.followed(held.heard)
+            self._held = replace(held, heard=heard, answered=True)
+            self._answers.tell(heard)
 
     def _supersede(self, over: Over) -> None:
         """The one that holds is let go, or a newer one takes its place."""
@@ -395,7 +396,7 @@ class FootTargets:
         self._revisions.change()
         self.astride |= bool(self._weak_leg)
         reason = "a newer target for a foot came before a plan followed it"
-        self._answers.ended(held.heard, held.answered, over, "superseded", reason)
+        self._answers.ended(held.heard, answered=held.answered, over=over, state="superseded", reason=reason)
 
 
 def _is_of(target: Target, part: str) -> bool:

@@ -357,14 +357,16 @@ class HeadTargets:
         last = tick >= min(held.there + ARRIVES_S * self._rate, held.until)
         heard = arrived(held.heard, off, max(held.intent.tolerance, LEAST_M), told, last=last)
         if heard is not held.heard:
-            self._answers.publish(heard)
             self._held = replace(held, heard=heard)
+            self._answers.later(heard)
 
     def _answer(self, row: TickRow) -> None:
         """Answer what the loop has taken a plan for."""
         known, held = self._answers.taken(row), self._held
         if held is not None and not held.answered and held.heard.tick is not None and known >= held.revision:
-            self._held = replace(held, heard=self._answers.followed(held.heard), answered=True)
+            heard = self._answers.followed(held.heard)
+            self._held = replace(held, heard=heard, answered=True)
+            self._answers.tell(heard)
 
     def _end(self, reason: str, state: Fate = "refused", over: Over = "superseded") -> None:
         held, self._held = self._held, None
@@ -373,7 +375,7 @@ class HeadTargets:
         if held.answered and self.halted:
             self._leave(held.heard)
             return
-        self._answers.ended(held.heard, held.answered, over, state, reason)
+        self._answers.ended(held.heard, answered=held.answered, over=over, state=state, reason=reason)
         self._answers.on_note(f"over: {held.intent}: {reason}")
 
     def _halt(self, halts: bool) -> None:
@@ -401,4 +403,4 @@ class HeadTargets:
         held, self._held = self._held, None
         if held is not None:
             reason = "a newer target for the head came before a plan followed it"
-            self._answers.ended(held.heard, held.answered, over, "superseded", reason)
+            self._answers.ended(held.heard, answered=held.answered, over=over, state="superseded", reason=reason)

@@ -155,8 +155,7 @@ class PartTargets:
             known = {} if one.answered else {"slowed": slowed, "tick": rows.start_tick}
             heard = one.heard.model_copy(update={"moved": moved, "state": answer, **known})
             if one.answered and away is not None:
-                self._answers.publish(heard)  # a later version: the plan that was answered did not reach so far
-                self._answers.on_note(str(heard.told()))
+                self._answers.tell(heard)  # a later version: the plan that was answered did not reach so far
             self._holding[place] = replace(one, heard=heard, delivered=delivered, there=due)
 
     def begin_with(self, plan: Plan) -> None:
@@ -276,7 +275,9 @@ class PartTargets:
         known = self._answers.taken(row)
         for place, one in enumerate(self._holding):
             if not one.answered and one.heard.tick is not None and known >= one.revision:
-                self._holding[place] = replace(one, heard=self._answers.followed(one.heard), answered=True)
+                heard = self._answers.followed(one.heard)
+                self._holding[place] = replace(one, heard=heard, answered=True)
+                self._answers.tell(heard)
 
     def _follow(self, row: TickRow, tick: float) -> None:
         """Tell which parts are there, and whose time is over."""
@@ -300,8 +301,7 @@ class PartTargets:
         heard = arrived(one.heard, off, tolerance, told, last=last)
         if heard is one.heard:
             return one
-        self._answers.publish(heard)
-        return replace(one, heard=heard)
+        return replace(one, heard=self._answers.later(heard))
 
     def _over(self, one: _Holding, how: Over) -> _Holding:
         """A part's target that was followed holds no longer: that is told once."""
@@ -314,4 +314,4 @@ class PartTargets:
 
     def _end(self, one: _Holding, how: Over, state: Fate, reason: str) -> None:
         if one.heard.over is None:  # while its part fades out, that is told already
-            self._answers.ended(one.heard, one.answered, how, state, reason)
+            self._answers.ended(one.heard, answered=one.answered, over=how, state=state, reason=reason)

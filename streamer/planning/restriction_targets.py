@@ -379,7 +379,7 @@ class RestrictionTargets:
             if one.target.id in ids:
                 continue
             reason = "a newer target came before a plan followed it"
-            self._answers.ended(one.heard, one.answered, over, "superseded", reason)
+            self._answers.ended(one.heard, answered=one.answered, over=over, state="superseded", reason=reason)
         if kept != self._held:
             self._held = kept
             self._revisions.change()
@@ -391,7 +391,7 @@ class RestrictionTargets:
             return replace(one, binds=binds)
         heard = one.heard.model_copy(update={"heard_as": self._named(one.intent, binds)})
         if one.answered:
-            self._answers.publish(heard)
+            self._answers.later(heard)
         return replace(one, binds=binds, heard=heard)
 
     def _without(self, one: _Held, free: frozenset[int]) -> _Held:
@@ -423,17 +423,18 @@ class RestrictionTargets:
             if not one.answered and one.heard.tick is not None and known >= one.revision:
                 heard = self._answers.followed(one.heard)
                 self._held[place] = replace(one, heard=heard, answered=True, displaced=())
+                self._answers.tell(heard)
 
     def _end(self, reason: str, kept: Sequence[_Held] = ()) -> None:
         """What holds is over, but for some, and what waits for an answer gets it."""
         ids = {one.target.id for one in kept}
         over = [one for one in self._held if one.target.id not in ids]
         for one in over:
-            self._answers.ended(one.heard, one.answered, "stopped", "refused", reason)
+            self._answers.ended(one.heard, answered=one.answered, over="stopped", state="refused", reason=reason)
         known = {one.target.id: one.heard for one in self._held}
         for one in kept:
             if one.heard != known.get(one.target.id):
-                self._answers.publish(one.heard)  # what had taken its place was never followed: it holds again
+                self._answers.later(one.heard)  # what had taken its place was never followed: it holds again
         self._answers.nothing_holds()
         if over:
             self._answers.on_note(f"over: {', '.join(str(one.intent) for one in over)}")

@@ -80,8 +80,8 @@ def test_no_frames():
     assert three_angles(np.empty((0, 3, 3)), LUMBAR).shape == (0, 3)
 
 
-def test_rotation_about_agrees_with_scipy():
+@pytest.mark.parametrize("axis", "xyz")
+def test_rotation_about_agrees_with_scipy(axis):
     angle = np.linspace(-1, 1, 5)
-    np.testing.assert_allclose(
-        rotation_about("x", angle), Rotation.from_euler("x", angle[:, None]).as_matrix(), atol=1e-12
-    )
+    truth = Rotation.from_euler(axis, angle[:, None]).as_matrix()
+    np.testing.assert_allclose(rotation_about(axis, angle), truth, atol=1e-12)

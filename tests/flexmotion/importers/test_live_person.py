@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.importers.frame import Frame, Skeleton
 from flexmotion.importers.live_person import GAP_S, MEASURE_S, RENEW_S, LivePerson
+from flexmotion.importers.mapping import find_mapping
 from flexmotion.importers.one_euro import OneEuro
 from flexmotion.streamer.commands.choice import choose_motion
 
@@ -147,6 +149,39 @@ def test_an_arm_out_of_the_picture_stays_where_it_was(frames):
     human = forward(concatenate([pose.motion for pose in poses[-6:]]))
     gone = human.wrist[:, 0] - human.pelvis_position
     assert np.linalg.norm(gone - gone[0], axis=-1).max() < 0.05
+
+
+def test_who_comes_back_with_an_arm_out_of_the_picture_is_followed(frames):
+    # After a gap nothing was known of an arm that was not seen: no pose was made for as long as it stayed so.
+    person = LivePerson()
+    played(person, frames[:90])
+    lost = frames[90:150].copy()
+    at(lost, "left_wrist")[:] = np.nan
+    back = played(person, lost, 90 / FPS + 2.0 * GAP_S)
+    assert len(back) >= 25 and sum(person.refused.values()) == 0
+    human = forward(concatenate([pose.motion for pose in back]))
+    hips = 0.5 * (at(frames, "left_hip") + at(frames, "right_hip"))
+    was = at(frames, "left_wrist")[89] - hips[89]
+    assert np.linalg.norm(human.wrist[:, 0] - human.pelvis_position - was, axis=-1).max() < 0.15
+
+
+def test_a_point_between_two_joints_is_where_their_middle_is(frames, tmp_path):
+    # The ears of MediaPipe's landmarks stand for the head.
+    names = (*(name for name in NAMES if name != "head"), "left_ear", "right_ear")
+    aside = np.array([0.0, 0.08, 0.0])
+    head = at(frames, "head")[:, None]
+    split = np.concatenate([np.delete(frames, NAMES.index("head"), axis=1), head + aside, head - aside], axis=1)
+    skeleton = replace(SKELETON, names=names)
+    joints = {**find_mapping(NAMES, "test").joints, "head": "left_ear + right_ear"}
+    mapping = tmp_path / "ears.yaml"
+    mapping.write_text(json.dumps({"name": "ears", "joints": joints}))
+    whole, halves = (
+        played(LivePerson(), frames[:120]),
+        played(LivePerson(mapping=str(mapping)), split[:120], 0.0, skeleton),
+    )
+    assert len(whole) == len(halves) > 20
+    for one, other in zip(whole, halves, strict=True):
+        np.testing.assert_allclose(other.motion.joints, one.motion.joints, atol=1e-9)
 
 
 def test_hip_centred_frames_walk_by_the_foot_that_stands(frames):
