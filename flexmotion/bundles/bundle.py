@@ -74,6 +74,9 @@ class Bundle:
                 raise ConfigError(f"{file}: missing")
             if sha256(file) != expected:
                 raise ConfigError(f"{file}: differs from the manifest (hash)")
+        for manner, network in self.manifest.personal.items():
+            if network not in self.manifest.files or manner not in self.manners.names:
+                raise ConfigError(f"{path}: personal: {manner!r}: its network {network!r} or its embedding is missing")
         if self.manifest.corrections.speeds:
             known = {*self.prompts.kinds, *self.listener.kinds}
             self.manifest.corrections.require_known(known, f"{path}: corrections")
@@ -103,6 +106,11 @@ class Bundle:
     def has_control(self) -> bool:
         """Whether it has a control branch."""
         return CONTROL in self.manifest.files
+
+    @property
+    def personal(self) -> dict[str, Path]:
+        """The denoiser of each person's manner; other manners are those of `DENOISER`."""
+        return {manner: self.folder / name for manner, name in self.manifest.personal.items()}
 
     @property
     def jacobian(self) -> np.ndarray | None:

@@ -34,6 +34,10 @@ Float32 = NDArray[np.float32]
 class Sampler:
     """Samples motion from a bundle, one window at a time, on one thread; buffers are made once.
 
+    Windows in a person's manner are sampled by the network of that person, all others by the bundle's denoiser: what is
+    not asked in that manner is what a bundle without the person samples, bit for bit. Constraints of a person's windows
+    are kept by corrections alone, because the control branch was trained on the bundle's denoiser.
+
     Args:
         bundle: trained and exported.
         steps: of the diffusion; None for the bundle's default.
@@ -84,6 +88,10 @@ class Sampler:
             self._inputs["manner"] = np.zeros((rows, width), np.float32)
         if manifest.guided:
             self._inputs["guidance"] = np.zeros((rows, 2) if manifest.manner else rows, np.float32)
+        # Opened and run once now: a live planner has no time for that when it is first asked for the manner.
+        self._personal = {manner: (open_session(path), path) for manner, path in bundle.personal.items()}
+        for session, path in self._personal.values():
+            run(session, path, self._inputs)
 
     @property
     def fps(self) -> float:
@@ -146,7 +154,7 @@ class Sampler:
         """
         constraints = condition.constrained
         if constraints is not None:
-            check(constraints, self.bundle, self.balanced)
+            check(constraints, self.bundle, self.balanced, branch=self._has_branch(self.meant(condition)))
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
@@ -220,11 +228,17 @@ class Sampler:
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
         asked, folder = condition.constrained, self.bundle.folder
-        if asked is not None and self.bundle.has_control:
+        if asked is not None and self._has_branch(condition):
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
             return run(self._controlled, folder / CONTROL, self._inputs | values)
-        found = run(self._denoiser, folder / DENOISER, self._inputs)
+        manner = self.requests.manner(condition)
+        session, path = self._personal.get(manner, (self._denoiser, folder / DENOISER))
+        found = run(session, path, self._inputs)
         return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
+
+    def _has_branch(self, condition: Condition) -> bool:
+        """Whether a control branch helps to keep the constraints of a condition of `meant`."""
+        return self.bundle.has_control and self.requests.manner(condition) not in self._personal
 
     @cached_property
     def _controlled(self) -> InferenceSession:

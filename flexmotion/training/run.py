@@ -33,6 +33,8 @@ PERSONAL = "personal.json"
 """Wordings of a personalised run, beside those that every run has."""
 PERSON = "person"
 """Folder of the features of a personalised run's own clips."""
+BEFORE = "before"
+"""Link of a personalised run to the training whose denoiser it fine-tunes."""
 ORIGIN = "origin.json"
 """Release that a run began from."""
 
@@ -200,6 +202,21 @@ class Run:
         """Prompts for the manner that a run was personalised to; none for other runs."""
         path = self.folder / PERSONAL
         return tuple(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else ()
+
+    def before(self) -> Run:
+        """The training that a personalised run began from; it may be that of another person.
+
+        Raises:
+            ConfigError: it is not where it was, or is not known.
+        """
+        link = self.folder / BEFORE
+        if not (link / CONFIG).is_file():
+            where = f"{link.readlink()} is not there" if link.is_symlink() else f"{link}: not found"
+            raise ConfigError(
+                f"{self.folder}: the training that it began from: {where}; run 'flexmotion personalize' again with it,"
+                " or export with --onto BUNDLE"
+            )
+        return Run(link.resolve())
 
     def fingerprint(self) -> str:
         """SHA-256 of what the weights depend on: networks, windows, seed."""

@@ -45,22 +45,17 @@ def personalize(
       flexmotion personalize released.safetensors --set ada --manner "like Ada" -o ada_training
     """
     needs_training()
-    from flexmotion.training.personal import personal_run, personal_task
+    from flexmotion.training.personal import personal_run, personal_task, training_of
     from flexmotion.training.processes import use_threads
-    from flexmotion.training.release import begin_run
-    from flexmotion.training.run import Run
 
     if threads is not None:
         use_threads(threads)
-    if training.is_file():
-        trained = begin_run(training, out / "released", ["diffusion"])
-        if prior is not None:
-            with progress_bar("computes features") as progress:
-                trained.store(prior, progress)
-    elif prior is not None:
+    if prior is not None and not training.is_file():
         raise typer.BadParameter("--prior: the clips of a training are those that it began with; it is for WEIGHTS")
-    else:
-        trained = Run(training)
+    trained = training_of(training, out)
+    if prior is not None:
+        with progress_bar("computes features") as progress:
+            trained.store(prior, progress)
     run = personal_run(trained, out, manner)
     with progress_bar("computes features") as progress:
         task = personal_task(run, trained, data, manner, progress)
