@@ -222,8 +222,8 @@ def main(
     hers |= clips_of(data, old, shown=True)
     rows = rows_of(old, new, manner, hers, samples, seconds, seed)
     each = max(1, samples // 2)
-    for name, found in (("done_before", done(old, "", each, seed)), ("done", done(new, manner, each, seed))):
-        for kind, right in found.items():
+    for name, each_done in (("done_before", done(old, "", each, seed)), ("done", done(new, manner, each, seed))):
+        for kind, right in each_done.items():
             rows[kind][name] = float(np.mean(right))
     others = moved(old, new, seconds, seed)
     Console(width=140).print(table(rows, manner))
@@ -242,7 +242,7 @@ def rows_of(
 ) -> Rows:
     """Figures of every kind of motion but standing, distances in cm."""
     rows: Rows = {}
-    kinds = [kind for kind in dict.fromkeys(old.bundle.prompts.kinds) if kind != STAND]
+    kinds = [kind for kind in offered_kinds(old.bundle) if kind != STAND]
     for kind in track(kinds, "samples", transient=True):
         text, seeds = wordings(kind)[0], range(seed, seed + samples)
         base = [sampled(old, text, NORMAL, seconds, number) for number in seeds]

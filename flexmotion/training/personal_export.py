@@ -31,7 +31,7 @@ from flexmotion.training.export import (
     require_bundle_folder,
     write_denoiser,
 )
-from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.feature_store import INDEX, FeatureStore
 from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.run import PERSON, Run
 
@@ -130,13 +130,16 @@ def _require_model_of(before: Bundle, run: Run, decoder: Decoder, *, distilled: 
 
 
 def _note(before: Bundle, run: Run, network: str, *, distilled: bool) -> str:
-    """Paragraph of the model card about a person."""
-    clips = [clip for clip in FeatureStore(run.folder / PERSON).clips if clip.recorded]
-    minutes = sum(clip.frames for clip in clips) / run.config.window.fps / 60
+    """Paragraph of the model card about a person; a weights file has none of its clips."""
+    seen = ""
+    if (run.folder / PERSON / INDEX).is_file():
+        clips = [clip for clip in FeatureStore(run.folder / PERSON).clips if clip.recorded]
+        minutes = sum(clip.frames for clip in clips) / run.config.window.fps / 60
+        seen = f", on {len(clips)} clips and mirror images, {minutes:.1f} min"
     steps = f"{training_record(run.stage('diffusion')).steps} steps"
     steps += f", {training_record(run.stage('distill')).steps} of the student" if distilled else ""
     return (
-        f"**{run.personal_wordings()[0]}** is the manner of a person, with a network of its own (`{network}`: {steps},"
-        f" on {len(clips)} clips and mirror images, {minutes:.1f} min), added to the bundle {before.hash}. Requests in"
-        " other manners are sampled as by that bundle, of which the figures are; no judge has seen the person's."
+        f"**{run.personal_wordings()[0]}** is the manner of a person, with a network of its own (`{network}`: {steps}"
+        f"{seen}), added to the bundle {before.hash}. Requests in other manners are sampled as by that bundle, of which"
+        " the figures are; no judge has seen the person's."
     )

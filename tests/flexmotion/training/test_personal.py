@@ -43,7 +43,7 @@ def test_an_untrained_run_is_refused(tmp_path: Path) -> None:
     [
         ("like an old man", "asks for the manner 'old' already"),
         ("normal", "asks for the manner 'normal' already"),
-        ("walk", "is a part of 'walk"),
+        ("walk", "is a part of 'Walk'"),
         (" like Ada", "without spaces"),
         ("", "expected words such as 'like Ada'"),
     ],
