@@ -79,7 +79,7 @@ def _with_person(before: Bundle, run: Run, folder: Path, *, distilled: bool) -> 
     require_bundle_folder(folder)
     if folder.resolve() == before.folder.resolve():
         raise ConfigError(f"{folder}: is the bundle of the model before, which is kept; choose another folder")
-    if manner in before.manners.names:
+    if manner.lower() in (name.lower() for name in before.manners.names):
         raise ConfigError(f"{before.folder}: knows {manner!r} already")
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     _require_model_of(before, run, Decoder(autoencoder, denoiser).eval(), distilled=distilled)
