@@ -11,7 +11,6 @@ to do, in that manner, kinds of motion that the person's clips do not show.
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -35,13 +34,10 @@ from flexmotion.training.examples import Examples, Halves, SetExamples
 from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
 from flexmotion.training.own_samples import OwnSamples
 from flexmotion.training.processes import Processes
-from flexmotion.training.release import begin_run, offered_stages
-from flexmotion.training.run import BEFORE, CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, Run
+from flexmotion.training.release import begin_to_export
+from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, RELEASED, Run
 from flexmotion.training.set_summary import SUMMARY
 from flexmotion.training.stage import Task
-
-RELEASED = "released"
-"""Folder of the training that is made of a weights file."""
 
 
 class PersonalTask:
@@ -89,12 +85,9 @@ def training_of(path: Path, out: Path) -> Run:
             and the control branch that the file or the files beside it hold: a bundle is made of them.
 
     Raises:
-        ConfigError: see `begin_run`.
+        ConfigError: see `begin_to_export`.
     """
-    if not path.is_file():
-        return Run(path)
-    more = [stage for stage in ("distill", "control") if stage in offered_stages(path)]
-    return begin_run(path, out / RELEASED, ["diffusion", *more])
+    return begin_to_export(path, out / RELEASED) if path.is_file() else Run(path)
 
 
 def personal_run(trained: Run, out: Path, manner: str) -> Run:
@@ -115,9 +108,6 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
         if not (trained.stage(stage) / name).is_file():
             raise ConfigError(f"{trained.stage(stage)}: not trained; run 'flexmotion train {stage}' first")
     out.mkdir(parents=True, exist_ok=True)
-    link = out / BEFORE
-    if link.is_symlink() and link.resolve() != trained.folder.resolve():
-        raise ConfigError(f"{out}: holds a personalisation of {link.readlink()}; use another folder")
     if not (out / CONFIG).is_file():
         copyfile(trained.folder / CONFIG, out / CONFIG)
         if trained.origin is not None:
@@ -130,11 +120,10 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         if trained.has_features:  # as large as the set, and only read: linked, not copied
             (out / FEATURES).symlink_to((trained.folder / FEATURES).resolve(), target_is_directory=True)
-    if not link.is_symlink():  # relative: both folders may be moved together
-        target = os.path.relpath(trained.folder.resolve(), out.resolve())
-        link.symlink_to(target, target_is_directory=True)
+    run = Run(out)
+    run.link_before(trained)
     (out / PERSONAL).write_text(json.dumps([manner]), encoding="utf-8")
-    return Run(out)
+    return run
 
 
 def require_free(manner: str, trained: Run) -> None:

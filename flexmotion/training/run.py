@@ -35,6 +35,8 @@ PERSON = "person"
 """Folder of the features of a personalised run's own clips."""
 BEFORE = "before"
 """Link of a personalised run to the training whose denoiser it fine-tunes."""
+RELEASED = "released"
+"""Folder of that training where it is made of a weights file."""
 ORIGIN = "origin.json"
 """Release that a run began from."""
 
@@ -217,6 +219,19 @@ class Run:
                 " or export with --onto BUNDLE"
             )
         return Run(link.resolve())
+
+    def link_before(self, trained: Run) -> None:
+        """Remember the training that a personalised run begins from.
+
+        Raises:
+            ConfigError: it began from another one.
+        """
+        link = self.folder / BEFORE
+        if not link.is_symlink():  # relative: both folders may be moved together
+            target = os.path.relpath(trained.folder.resolve(), self.folder.resolve())
+            link.symlink_to(target, target_is_directory=True)
+        elif link.resolve() != trained.folder.resolve():
+            raise ConfigError(f"{self.folder}: holds a personalisation of {link.readlink()}; use another folder")
 
     def fingerprint(self) -> str:
         """SHA-256 of what the weights depend on: networks, windows, seed."""

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.train import needs_training
@@ -100,14 +101,17 @@ def export(
     from flexmotion.configs.corrections import Corrections
     from flexmotion.human.body import Body
     from flexmotion.training.personal_export import export_bundle
-    from flexmotion.training.release import begin_run, offered_stages
-    from flexmotion.training.run import Run
+    from flexmotion.training.release import begin_to_export
+    from flexmotion.training.run import BEFORE, Run
 
     with TemporaryDirectory() as place:
         if training.is_file():
-            needed = ["distill"] if distilled else ["diffusion"]
-            more = [name for name in ("control",) if distilled and name in offered_stages(training)]
-            run = begin_run(training, Path(place), needed + more)
+            run = begin_to_export(training, Path(place), "distill" if distilled else "diffusion")
+            if run.personal_wordings() and onto is None and not (Path(place) / BEFORE).exists():
+                raise ConfigError(
+                    f"{training}: is personalised, and lacks the model before: put the weights file that it began from"
+                    " beside it, or give its bundle with --onto"
+                )
         else:
             run = Run(training)
         bundle = export_bundle(

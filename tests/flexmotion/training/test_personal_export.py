@@ -181,7 +181,11 @@ def test_two_persons_live_beside_each_other(
 
 
 def test_a_persons_bundle_of_a_weights_file_has_the_student_beside_it(
-    trained: Run, small_set: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trained: Run,
+    small_set: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The student lies in a file of its own, found by the digest of what it was distilled from."""
     monkeypatch.setattr(own_samples, "ROLL_OUTS", 16)
@@ -194,11 +198,19 @@ def test_a_persons_bundle_of_a_weights_file_has_the_student_beside_it(
     assert execute(["export", str(tmp_path / "moved"), "-o", str(tmp_path / "after")]) == 0
     before, after = Bundle(tmp_path / "before").manifest.files, Bundle(tmp_path / "after").manifest.files
     assert {name for name in after if after[name] != before.get(name)} == {"arrays.npz", "person-1.onnx"}
-    # As a weights file it is added to a bundle, since the file lacks the model before.
-    file = tmp_path / "own" / "ada.safetensors"
+    # A weights file of hers lacks the model before, which is found beside it by the hash that hers names.
+    file, alone = tmp_path / "ada.safetensors", tmp_path / "alone"
     assert execute(["export", str(tmp_path / "moved"), "--weights", "-o", str(file)]) == 0
-    assert execute(["export", str(file), "-o", str(tmp_path / "none")]) == 2
-    assert execute(["export", str(file), "--onto", str(tmp_path / "before"), "-o", str(tmp_path / "onto")]) == 0
+    assert execute(["export", str(file), "-o", str(tmp_path / "again")]) == 0
+    assert Bundle(tmp_path / "again").manifest.files["person-1.onnx"]
+    assert Bundle(tmp_path / "again").manifest.files["denoiser.onnx"] == before["denoiser.onnx"]
+    alone.mkdir()
+    file.rename(alone / file.name)
+    capsys.readouterr()
+    assert execute(["export", str(alone / file.name), "-o", str(tmp_path / "none")]) == 2
+    assert "ada.safetensors: is personalised, and lacks the model before" in capsys.readouterr().err.replace("\n", " ")
+    onto = ["--onto", str(tmp_path / "before"), "-o", str(tmp_path / "onto")]
+    assert execute(["export", str(alone / file.name), *onto]) == 0
     assert Bundle(tmp_path / "onto").manifest.personal == {ADA: "person-1.onnx"}
 
 

@@ -289,7 +289,9 @@ def test_a_personalised_release_knows_its_manner(trained: Run, small_set: Path, 
     stages.train(run, "diffusion", personal_task(run, trained, small_set, "like Ada"), 2)
     path, made = tmp_path / "ada.safetensors", tmp_path / "bundle"
     assert execute(["export", str(run.folder), "--weights", "-o", str(path)]) == 0
-    assert execute(["export", str(path), "--diffusion", "-o", str(made)]) == 0
+    before = export(trained, tmp_path / "before", distilled=False)
+    onto = ["--onto", str(before.folder), "-o", str(made)]
+    assert execute(["export", str(path), "--diffusion", *onto]) == 0
     assert Sampler(Bundle(made), steps=2).prompt("walk like Ada").manner == "like Ada"
 
 
