@@ -30,7 +30,7 @@ from benchmarks.shared.constraint_cases import KINDS, Case, Kind, asked, cases
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.bundle import CONTROL, Bundle
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.evaluation.motions import jerk
 from flexmotion.features.constraints import Constraints
@@ -41,6 +41,7 @@ from flexmotion.sampling.constraint_solver import CORRECTIONS
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.window_pose import motion_values
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.text.manners import NORMAL
 
 Float = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ class Ways:
         training: Path | None,
         manner: str | None = None,
     ) -> None:
-        self.manner, self.branch = manner, bundle.has_control and manner not in bundle.personal
+        self.manner, self.branch = manner, bundle.control(manner or NORMAL) is not None
         sampler = Sampler(bundle, steps, unjudged=True, balanced=balanced)
         self.plain = sampler
         self.all: dict[str, tuple[Sampler, int]] = {}
@@ -114,7 +115,7 @@ class Ways:
         """Whether a way follows a kind of constraint."""
         sampler = self.all[way][0]
         reached = sampler.balanced or not kind.balanced
-        return (self.branch and sampler.bundle.has_control) or reached
+        return sampler.bundle.control(self.manner or NORMAL) is not None or reached
 
     def sample(self, way: str, case: Case, constraints: Constraints, seed: int) -> tuple[Motion, float]:
         """A window, and the processor time that it took [s]."""
@@ -131,7 +132,7 @@ class Ways:
 
 def _without_branch(bundle: Bundle) -> Bundle:
     found = Bundle(bundle.folder)
-    files = {name: value for name, value in bundle.manifest.files.items() if name != "control.onnx"}
+    files = {name: value for name, value in bundle.manifest.files.items() if not name.endswith(CONTROL)}
     found.manifest = bundle.manifest.model_copy(update={"files": files})
     return found
 
@@ -221,7 +222,7 @@ def main(
         Path | None, typer.Option(help="Training of the bundle: overwriting is compared, which needs its encoder.")
     ] = None,
     manner: Annotated[
-        str | None, typer.Option(help="In which everything is asked for; of a person it has no branch.")
+        str | None, typer.Option(help="In which everything is asked for; default: the normal one.")
     ] = None,
     steps: StepsOption = None,
     csv_out: CsvOption = None,

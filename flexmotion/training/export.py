@@ -113,7 +113,7 @@ def export(
     export_network(decoder, folder / DECODER, decoding, ["frames"])
     networks = [DECODER, NETWORK]
     if distilled and is_trained(run.stage("control")):
-        export_control(run, denoiser, folder / CONTROL, inputs)
+        export_control(load_control(run, denoiser), run, folder / CONTROL, inputs)
         networks.append(CONTROL)
     for name in (NETWORK, VOCABULARY):
         copyfile(run.stage("text") / name, folder / name)
@@ -193,22 +193,27 @@ def write_denoiser(denoiser: Denoiser, path: Path, inputs: dict[str, Tensor], *,
     halve_weights(path)
 
 
-def load_control(run: Run, denoiser: Denoiser) -> ConstrainedDenoiser:
+def load_control(run: Run, denoiser: Denoiser, folder: Path | None = None) -> ConstrainedDenoiser:
     """The distilled denoiser of a run with its control branch.
+
+    Args:
+        run: of the denoiser.
+        denoiser: distilled.
+        folder: of the branch's weights; None for the run's own.
 
     Raises:
         ConfigError: the branch has not been trained, or has weights of another network.
     """
     branch = ControlBranch(denoiser, run.config.control, run.config.window, run.layout)
-    load_weights(branch, run.stage("control"))
+    load_weights(branch, run.stage("control") if folder is None else folder)
     return ConstrainedDenoiser(denoiser, branch).eval()
 
 
-def export_control(run: Run, denoiser: Denoiser, path: Path, inputs: dict[str, Tensor]) -> None:
-    """Write the denoiser with its control branch; `inputs`: those of the denoiser."""
+def export_control(controlled: ConstrainedDenoiser, run: Run, path: Path, inputs: dict[str, Tensor]) -> None:
+    """Write a denoiser with its control branch; `inputs`: those of the denoiser."""
     shape = (1, run.config.window.future, ConstraintLayout(run.layout).size)
     constraints = {"values": torch.zeros(shape), "mask": torch.zeros(shape)}
-    export_network(load_control(run, denoiser), path, inputs | constraints, ["clean"])
+    export_network(controlled, path, inputs | constraints, ["clean"])
 
 
 def _jacobian(run: Run, decoder: Decoder, summary: SetSummary) -> np.ndarray:

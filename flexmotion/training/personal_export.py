@@ -14,24 +14,27 @@ from typing import Any
 import numpy as np
 import torch
 
-from flexmotion.bundles.bundle import DECODER, Bundle, write_bundle
+from flexmotion.bundles.bundle import DECODER, Bundle, control_of, write_bundle
 from flexmotion.bundles.card import CARD, add_note
 from flexmotion.bundles.manifest import SCHEMA
 from flexmotion.configs.errors import ConfigError
 from flexmotion.onnx_session import open_session
 from flexmotion.onnx_session import run as run_network
 from flexmotion.text.sentence_encoder import SentenceEncoder
-from flexmotion.training.checkpoints import training_record
+from flexmotion.training.checkpoints import is_trained, training_record
 from flexmotion.training.export import (
     Decoder,
     denoiser_inputs,
     export,
+    export_control,
+    load_control,
     load_networks,
     remove_networks,
     require_bundle_folder,
     write_denoiser,
 )
 from flexmotion.training.feature_store import INDEX, FeatureStore
+from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.run import PERSON, Run
 
@@ -90,6 +93,10 @@ def _with_person(before: Bundle, run: Run, folder: Path, *, distilled: bool) -> 
     network = NETWORK.format(len(manifest.personal) + 1)
     inputs = denoiser_inputs(run, autoencoder.latent, distilled=distilled)
     write_denoiser(denoiser, folder / network, inputs, eight_bits=manifest.eight_bits)
+    if before.has_control and (branch := _branch_of(run)) is not None:
+        control = folder / control_of(network)
+        export_control(load_control(run, denoiser, branch), run, control, inputs)
+        halve_weights(control)
     added = mean_embedding(run.personal_wordings(), SentenceEncoder(run.stage("text"))).astype(np.float16)
     arrays = before.arrays | {
         "manner_names": np.array([*before.manners.names, manner]),
@@ -100,6 +107,19 @@ def _with_person(before: Bundle, run: Run, folder: Path, *, distilled: bool) -> 
     made = write_bundle(folder, manifest.model_copy(update=changes), arrays)
     add_note(folder, _note(before, run, network, distilled=distilled))
     return made
+
+
+def _branch_of(run: Run) -> Path | None:
+    """Folder of the control branch of the model before; None where that has none, or is not there any more.
+
+    It keeps a hand in its place for the fine-tuned student as well as for the one that it was trained on
+    (docs/decisions.md).
+    """
+    while run.personal_wordings():
+        if not run.has_before:
+            return None
+        run = run.before()
+    return run.stage("control") if is_trained(run.stage("control")) else None
 
 
 def _require_model_of(before: Bundle, run: Run, decoder: Decoder, *, distilled: bool) -> None:

@@ -205,6 +205,11 @@ class Run:
         path = self.folder / PERSONAL
         return tuple(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else ()
 
+    @property
+    def has_before(self) -> bool:
+        """Whether the training that a personalised run began from is known and there."""
+        return (self.folder / BEFORE / CONFIG).is_file()
+
     def before(self) -> Run:
         """The training that a personalised run began from; it may be that of another person.
 
@@ -212,7 +217,7 @@ class Run:
             ConfigError: it is not where it was, or is not known.
         """
         link = self.folder / BEFORE
-        if not (link / CONFIG).is_file():
+        if not self.has_before:
             where = f"{link.readlink()} is not there" if link.is_symlink() else f"{link}: not found"
             raise ConfigError(
                 f"{self.folder}: the training that it began from: {where}; run 'flexmotion personalize' again with it,"

@@ -256,7 +256,7 @@ def control(run: Run, finish: Finish) -> None:
     from flexmotion.training.export import load_networks
 
     if personal := run.personal_wordings():
-        raise ConfigError(f"{run.folder}: is personalised to {personal[0]!r}, whose constraints corrections keep alone")
+        raise ConfigError(f"{run.folder}: is personalised to {personal[0]!r}; its branch is that of the model before")
     student = load_networks(run, distilled=True)[1]
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
