@@ -27,7 +27,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.model.posture_distance import Float, posture_distance, postures
-from benchmarks.model.prompts import judged
+from benchmarks.model.prompts import OFFERED, judged
 from benchmarks.model.real_clips import kind_of, real_clips
 from benchmarks.model.roll_out import Cue, roll_out
 from benchmarks.shared.options import CsvOption
@@ -230,8 +230,10 @@ def main(
     if csv_out is not None:
         names = list(dict.fromkeys(name for row in rows.values() for name in row))
         write_csv(csv_out, [{"kind": kind} | dict.fromkeys(names, "") | row for kind, row in rows.items()])
-    found = overall(rows, others)
-    return Outcome(verdicts(found), {"overall": found, **rows})
+    found, undone = overall(rows, others), weak(rows)
+    if undone:
+        typer.echo(f"{manner}, done in less than {100 * OFFERED:.0f} %: {', '.join(undone)}")
+    return Outcome(verdicts(found), {"overall": found, "weak": undone, **rows})
 
 
 Rows = dict[str, dict[str, float | str]]
@@ -276,6 +278,11 @@ def overall(rows: Rows, others_m: float) -> dict[str, float]:
     return found | {name: mean(name) for name in ("done_before", "done")}
 
 
+def weak(rows: Rows) -> list[str]:
+    """Kinds that a judge would not offer in the person's manner, as it does in the normal one."""
+    return [kind for kind, row in rows.items() if "done" in row and row["done"] < OFFERED <= row["done_before"]]  # type: ignore[operator]
+
+
 def verdicts(found: Mapping[str, float]) -> list[Verdict]:
     """What must hold."""
     moved_cm, nearer = found["normal_cm"], found["shown_after_cm"] / found["shown_before_cm"]
@@ -290,7 +297,9 @@ def verdicts(found: Mapping[str, float]) -> list[Verdict]:
 
 def table(rows: Rows, manner: str) -> Table:
     """One kind a line."""
-    made = Table("kind", "her clips", "normal, moved", f"{manner}, moved", "from clips, before", "now", "done", "now")
+    made = Table(
+        "kind", "the person's", "normal, moved", f"{manner}, moved", "from clips, before", "now", "done", "now"
+    )
     for kind, row in rows.items():
         near = [f"{row[name]:.2f} cm" if name in row else "" for name in ("before_cm", "after_cm")]
         right = [f"{100 * float(row[name]):.0f} %" if name in row else "" for name in ("done_before", "done")]
