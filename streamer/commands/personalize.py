@@ -24,7 +24,7 @@ def personalize(
     prior: Annotated[
         Path | None,
         typer.Option(
-            help="With a weights file: a set of other people's clips, whose motion is to stay as it is.",
+            help="With a weights file: a set of other people's clips, for kinds of motion that the person lacks.",
             show_default=False,
         ),
     ] = None,
@@ -35,8 +35,9 @@ def personalize(
 ) -> None:
     """Fine-tune a model on a few clips of one person or style, beside the clips of its own training set.
 
-    The new folder is a training: `train distill` and `export` make a bundle of it. A weights file has no clips: what
-    is not of the person is then kept as in the clips of --prior, or as in motion that the model samples before.
+    The new folder is a training: `train distill` and `export` make a bundle of it, in which requests in the manner have
+    a network of their own and all others stay as they were. A weights file has no clips: kinds of motion that the
+    person does not show are then learnt in the clips of --prior, or in motion that the model samples before.
 
     [bold]Examples[/bold]
 
