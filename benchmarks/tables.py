@@ -238,6 +238,22 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "time of the shipped way": "{times:.2f}",
         },
     ),
+    "personal": partial(
+        of_groups,
+        "model/personal",
+        "personal_cm",
+        {
+            "kind of motion": "{group}",
+            "the person's clips": "{clips}",
+            "normal, moved [cm]": "{normal_cm:g}",
+            "in the person's manner, moved [cm]": "{personal_cm:.1f}",
+            "postures from the clips, before [cm]": "{before_cm:.2f}",
+            "in the person's manner": "{after_cm:.2f}",
+            "clips from each other": "{apart_cm:.2f}",
+            "done, before": "{done_before:.2f}",
+            "done in the manner": "{done:.2f}",
+        },
+    ),
     "bus-faults": partial(
         of_groups,
         "bus/faults",

@@ -30,7 +30,7 @@ from benchmarks.shared.constraint_cases import KINDS, Case, Kind, asked, cases
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.bundle import CONTROL, Bundle
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.evaluation.motions import jerk
 from flexmotion.features.constraints import Constraints
@@ -41,6 +41,7 @@ from flexmotion.sampling.constraint_solver import CORRECTIONS
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.window_pose import motion_values
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.text.manners import NORMAL
 
 Float = NDArray[np.float64]
 
@@ -86,13 +87,20 @@ class Ways:
     """Samplers with and without corrections and branch, and the time of a sample without constraints."""
 
     def __init__(
-        self, bundle: Bundle, steps: int | None, corrections: int, balanced: bool, training: Path | None
+        self,
+        bundle: Bundle,
+        steps: int | None,
+        corrections: int,
+        balanced: bool,
+        training: Path | None,
+        manner: str | None = None,
     ) -> None:
+        self.manner, self.branch = manner, bundle.control(manner or NORMAL) is not None
         sampler = Sampler(bundle, steps, unjudged=True, balanced=balanced)
         self.plain = sampler
         self.all: dict[str, tuple[Sampler, int]] = {}
-        for branch in (False, True) if bundle.has_control else (False,):
-            same = branch == bundle.has_control
+        for branch in (False, True) if self.branch else (False,):
+            same = branch == self.branch
             own = sampler if same else Sampler(_without_branch(bundle), steps, unjudged=True, balanced=balanced)
             for count in range(corrections + 1):
                 name = f"{count} corrections" + (", branch" if branch else "")
@@ -107,20 +115,24 @@ class Ways:
         """Whether a way follows a kind of constraint."""
         sampler = self.all[way][0]
         reached = sampler.balanced or not kind.balanced
-        return sampler.bundle.has_control or reached
+        return sampler.bundle.control(self.manner or NORMAL) is not None or reached
 
     def sample(self, way: str, case: Case, constraints: Constraints, seed: int) -> tuple[Motion, float]:
         """A window, and the processor time that it took [s]."""
         sampler, corrections = self.all[way]
         sampler.corrections = corrections
         begin = time.process_time()
-        window = sampler.sample(case.history, Condition(case.text, constraints=constraints), seed)
+        window = sampler.sample(case.history, self.condition(case, constraints), seed)
         return window, time.process_time() - begin
+
+    def condition(self, case: Case, constraints: Constraints | None = None) -> Condition:
+        """What is asked of a case."""
+        return Condition(case.text, manner=self.manner, constraints=constraints)
 
 
 def _without_branch(bundle: Bundle) -> Bundle:
     found = Bundle(bundle.folder)
-    files = {name: value for name, value in bundle.manifest.files.items() if name != "control.onnx"}
+    files = {name: value for name, value in bundle.manifest.files.items() if not name.endswith(CONTROL)}
     found.manifest = bundle.manifest.model_copy(update={"files": files})
     return found
 
@@ -133,7 +145,7 @@ def rows(ways: Ways, kinds: Sequence[Kind], drawn: Sequence[Case], seed: int) ->
     physics: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for number, case in enumerate(track(drawn, "samples", transient=True)):
         begin = time.process_time()
-        plain = sampler.sample(case.history, Condition(case.text), seed + number)
+        plain = sampler.sample(case.history, ways.condition(case), seed + number)
         base = time.process_time() - begin
         anchor = Anchor.after(case.history)
         for kind in kinds:
@@ -209,11 +221,15 @@ def main(
     training: Annotated[
         Path | None, typer.Option(help="Training of the bundle: overwriting is compared, which needs its encoder.")
     ] = None,
+    manner: Annotated[
+        str | None, typer.Option(help="In which everything is asked for; default: the normal one.")
+    ] = None,
     steps: StepsOption = None,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Ask for what held-out clips do, and measure what leaves the sampler."""
-    ways, motions = Ways(open_bundle(bundle), steps, corrections, balanced, training), open_set(data)
+    ways = Ways(open_bundle(bundle), steps, corrections, balanced, training, manner)
+    motions = open_set(data)
     kinds = [kind for kind in KINDS if only in kind.name]
     with threadpool_limits(limits=1, user_api="blas"):
         drawn = list(cases(motions, ways.plain, clips, ways.plain.future, seed))
@@ -229,9 +245,7 @@ def main(
             {"kind": row.kind, "way": row.way} | {name: row.figures.get(name) for name in columns} for row in found
         ]
         write_csv(csv_out, lines)
-    return Outcome(
-        verdicts(found, bool(ways.plain.bundle.has_control)), {f"{r.kind}, {r.way}": r.figures for r in found}
-    )
+    return Outcome(verdicts(found, ways.branch), {f"{r.kind}, {r.way}": r.figures for r in found})
 
 
 def verdicts(found: Sequence[Row], branch: bool) -> list[Verdict]:

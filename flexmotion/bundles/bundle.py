@@ -74,6 +74,9 @@ class Bundle:
                 raise ConfigError(f"{file}: missing")
             if sha256(file) != expected:
                 raise ConfigError(f"{file}: differs from the manifest (hash)")
+        for manner, network in self.manifest.personal.items():
+            if network not in self.manifest.files or manner not in self.manners.names:
+                raise ConfigError(f"{path}: personal: {manner!r}: its network {network!r} or its embedding is missing")
         if self.manifest.corrections.speeds:
             known = {*self.prompts.kinds, *self.listener.kinds}
             self.manifest.corrections.require_known(known, f"{path}: corrections")
@@ -103,6 +106,20 @@ class Bundle:
     def has_control(self) -> bool:
         """Whether it has a control branch."""
         return CONTROL in self.manifest.files
+
+    @property
+    def personal(self) -> dict[str, Path]:
+        """The denoiser of each person's manner; other manners are those of `DENOISER`."""
+        return {manner: self.folder / name for manner, name in self.manifest.personal.items()}
+
+    def control(self, manner: str) -> Path | None:
+        """The network with a control branch for requests in a manner; None where the bundle has none for it.
+
+        That of a person's `NAME.onnx` is `NAME-control.onnx`.
+        """
+        own = self.manifest.personal.get(manner)
+        name = CONTROL if own is None else control_of(own)
+        return self.folder / name if name in self.manifest.files else None
 
     @property
     def jacobian(self) -> np.ndarray | None:
@@ -161,6 +178,11 @@ class Bundle:
         """`hash`, and the hashes of the same bundle with its manifest in another schema."""
         others = (found[:HASH_LENGTH] for found in equivalent_hashes(self.manifest))
         return tuple(dict.fromkeys([self.hash, *others]))
+
+
+def control_of(network: str) -> str:
+    """Name of the network with a control branch, by that of the person's denoiser."""
+    return network.replace(".onnx", "-control.onnx")
 
 
 def write_bundle(folder: Path, manifest: Manifest, arrays: dict[str, np.ndarray]) -> Bundle:

@@ -21,7 +21,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=7,
+    newest=8,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -47,8 +47,9 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
+_SINCE_8: dict[str, Any] = {"personal": True}
 _CORRECTIONS_SINCE_7 = ("travelling_noise", "spot_noise", "ahead", "turning")
-_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": set(_CORRECTIONS_SINCE_7)}
+_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": set(_CORRECTIONS_SINCE_7)} | _SINCE_8
 _SINCE_6 = {"manner": True, "manner_guidance": True, "repertoire": True} | _SINCE_7
 """Fields that former schemas lack."""
 
@@ -107,6 +108,8 @@ class Manifest(Strict):
         manner_guidance: default scale of the manner.
         velocity: whether a velocity can be commanded.
         manner: whether the manner is an input of the network; before schema 6 it is not.
+        personal: manner of a person -> file of the denoiser that is used for requests in that manner, and for no other;
+            before schema 8 there is none.
         repertoire: figures of its judges; None: it was not judged, and offers every kind and manner of its training.
         body: the generated human.
         corrections: fitted to this model.
@@ -133,6 +136,7 @@ class Manifest(Strict):
     manner_guidance: float = 1.0
     velocity: bool
     manner: bool = False
+    personal: dict[str, str] = {}
     repertoire: Repertoire | None = None
     body: BodySize
     corrections: Corrections = Corrections()
@@ -188,6 +192,9 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
+    if manifest.personal:
+        return _hashes(texts)
+    texts.append(_text(manifest.model_dump(exclude=_SINCE_8) | {"schema_": "flexmotion.bundle/7"}))
     corrections, plain = manifest.corrections, Corrections()
     if manifest.eight_bits or any(getattr(corrections, name) != getattr(plain, name) for name in _CORRECTIONS_SINCE_7):
         return _hashes(texts)

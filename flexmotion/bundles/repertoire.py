@@ -51,10 +51,16 @@ def offered_kinds(bundle: Bundle) -> tuple[str, ...]:
 
 
 def offered_manners(bundle: Bundle) -> tuple[str, ...]:
-    """Manners that a bundle offers: the normal one, and those whose judge passed; all where none was judged."""
+    """Manners that a bundle offers: the normal one, persons', and those whose judge passed; all where none was judged.
+
+    No judge knows a person's manner: who exports it vouches for it.
+    """
     own = bundle.manners.names
     judged = None if bundle.manifest.repertoire is None else bundle.manifest.repertoire.manners
-    return own if judged is None else tuple(name for name in own if name == NORMAL or _passed(judged, name))
+    if judged is None:
+        return own
+    always = (NORMAL, *bundle.manifest.personal)
+    return tuple(name for name in own if name in always or _passed(judged, name))
 
 
 def _passed(judged: Mapping[str, Judged], name: str) -> bool:

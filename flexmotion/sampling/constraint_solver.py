@@ -64,13 +64,14 @@ hand 1.5 cm off with it, 3.4 without, and sixteen points at four keyframes 1.4 c
 are rough: more torques than the latent has numbers are damped by as many times more, lest they outweigh it."""
 
 
-def check(constraints: Constraints, bundle: Bundle, balanced: bool) -> None:
+def check(constraints: Constraints, bundle: Bundle, balanced: bool, *, branch: bool) -> None:
     """Check that a model can follow constraints.
 
     Args:
         constraints: what is asked.
         bundle: of the model.
         balanced: whether its windows are.
+        branch: whether a control branch is used for them.
 
     Raises:
         ValueError: they are of another layout, body or number of frames, or of what the model cannot follow.
@@ -80,11 +81,10 @@ def check(constraints: Constraints, bundle: Bundle, balanced: bool) -> None:
         raise ValueError(f"the constraints are of another layout or body than model {name}'s")
     if len(constraints.mask) != frames:
         raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {frames}")
-    for block in () if bundle.has_control or balanced else OF_BALANCED:
+    for block in () if branch or balanced else OF_BALANCED:
         if constraints.mask[:, constraints.layout.blocks[block]].any():
-            raise ValueError(
-                f"constraints of {block}: model {name} has no control branch and its windows are not balanced"
-            )
+            lacks = "has no control branch" + (" in this manner" if bundle.has_control else "")
+            raise ValueError(f"constraints of {block}: model {name} {lacks} and its windows are not balanced")
 
 
 class ConstraintSolver:

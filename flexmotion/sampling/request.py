@@ -176,11 +176,17 @@ class Requests:
             corrections.turning * turning + corrections.turning_per_aside * aside,
         )
 
+    def manner(self, condition: Condition) -> str:
+        """Manner in which a condition of `meant` is to be done; the normal one where nothing is said."""
+        if condition.wordless:
+            return NORMAL
+        if condition.manner is not None:
+            return condition.manner
+        return NORMAL if condition.text is None else self.prompt(condition.text).manner
+
     def _manner(self, condition: Condition) -> Float32 | None:
         """Embedding of the manner of a request; None where the model was trained on no clip of the normal one."""
-        name = condition.manner
-        if name is None:
-            name = NORMAL if condition.text is None else self.prompt(condition.text).manner
+        name = self.manner(condition)
         if name not in self._manners and name != NORMAL:
             raise ConfigError(
                 f"manner {name!r}: model {self._manifest.name} knows {', '.join(self._manners) or 'none'}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from onnxruntime import InferenceSession
 
 from flexmotion.biomechanics.differentiation import EDGE
-from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, Bundle
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -33,6 +34,9 @@ Float32 = NDArray[np.float32]
 
 class Sampler:
     """Samples motion from a bundle, one window at a time, on one thread; buffers are made once.
+
+    Windows in a person's manner are sampled by the network of that person, all others by the bundle's denoiser: what is
+    not asked in that manner is what a bundle without the person samples, bit for bit.
 
     Args:
         bundle: trained and exported.
@@ -84,6 +88,11 @@ class Sampler:
             self._inputs["manner"] = np.zeros((rows, width), np.float32)
         if manifest.guided:
             self._inputs["guidance"] = np.zeros((rows, 2) if manifest.manner else rows, np.float32)
+        self._branches: dict[Path, InferenceSession] = {}
+        # Opened and run once now: a live planner has no time for that when it is first asked for the manner.
+        self._personal = {manner: (open_session(path), path) for manner, path in bundle.personal.items()}
+        for session, path in self._personal.values():
+            run(session, path, self._inputs)
 
     @property
     def fps(self) -> float:
@@ -146,7 +155,7 @@ class Sampler:
         """
         constraints = condition.constrained
         if constraints is not None:
-            check(constraints, self.bundle, self.balanced)
+            check(constraints, self.bundle, self.balanced, branch=self._branch(self.meant(condition)) is not None)
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
@@ -219,17 +228,24 @@ class Sampler:
 
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
-        asked, folder = condition.constrained, self.bundle.folder
-        if asked is not None and self.bundle.has_control:
+        asked, branch = condition.constrained, self._branch(condition)
+        if asked is not None and branch is not None:
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
-            return run(self._controlled, folder / CONTROL, self._inputs | values)
-        found = run(self._denoiser, folder / DENOISER, self._inputs)
+            return run(self._controlled(branch), branch, self._inputs | values)
+        usual = self._denoiser, self.bundle.folder / DENOISER
+        session, path = self._personal.get(self.requests.manner(condition), usual)
+        found = run(session, path, self._inputs)
         return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
 
-    @cached_property
-    def _controlled(self) -> InferenceSession:
-        """The network with its control branch, opened on first use."""
-        return open_session(self.bundle.folder / CONTROL)
+    def _branch(self, condition: Condition) -> Path | None:
+        """The network whose control branch helps to keep the constraints of a condition of `meant`; None for none."""
+        return self.bundle.control(self.requests.manner(condition))
+
+    def _controlled(self, path: Path) -> InferenceSession:
+        """A network with a control branch, opened on first use."""
+        if path not in self._branches:
+            self._branches[path] = open_session(path)
+        return self._branches[path]
 
     def meant(self, condition: Condition) -> Condition:
         """See `Requests.meant`."""

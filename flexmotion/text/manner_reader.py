@@ -49,7 +49,10 @@ class MannerReader:
 
     def __init__(self, encode: SentenceEncoder, offered: Collection[str], listener: Listener | None) -> None:
         self._encode, self._offered, self._listener = encode, frozenset(offered), listener
-        self._personal = tuple(name for name in offered if name not in manners())
+        personal = sorted((name for name in offered if name not in manners()), key=len, reverse=True)
+        self._names = {name.lower(): name for name in personal}
+        # The longest first: "like Ada Lovelace" is another person than "like Ada".
+        self._personal = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, personal))})(?!\w)", re.IGNORECASE)
 
     def __call__(self, sentence: str) -> HeardManner:
         """The manner of a sentence."""
@@ -60,9 +63,8 @@ class MannerReader:
 
     def _phrases(self, sentence: str) -> tuple[MannerPhrase, ...]:
         own = [
-            MannerPhrase(match[0].lower(), name, match.start(), match.end())
-            for name in self._personal
-            for match in re.finditer(rf"(?<!\w){re.escape(name)}(?!\w)", sentence, re.IGNORECASE)
+            MannerPhrase(match[0].lower(), self._names[match[0].lower()], match.start(), match.end())
+            for match in (self._personal.finditer(sentence) if self._names else ())
         ]
         others = (
             phrase

@@ -120,7 +120,8 @@ class ConditionRows:
         yield NONE, self._judge.measure(self._delivered(NONE))
         for name in names:
             try:
-                check(self.asked(name, 0), self._sampler.bundle, self._sampler.balanced)
+                bundle = self._sampler.bundle
+                check(self.asked(name, 0), bundle, self._sampler.balanced, branch=bundle.has_control)
             except ValueError as error:
                 yield name, str(error)
                 continue

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from flexmotion.bundles.bundle import CONTROL, DECODER, DENOISER, JACOBIAN, Bundle, write_bundle
 from flexmotion.bundles.card import Making, write_card
-from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
+from flexmotion.bundles.manifest import MANIFEST, SCHEMA, BodySize, Manifest
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.constraint_layout import ConstraintLayout
@@ -82,10 +82,10 @@ def export(
     corrections: Corrections | None = None,
     eight_bits: bool = False,
 ) -> Bundle:
-    """Write a bundle.
+    """Write a bundle; that of a person is made by `personal_export.export_personal`.
 
     Args:
-        run: trained.
+        run: trained, and not personalised.
         folder: of the bundle; an existing bundle there is overwritten.
         distilled: True exports the student of the distillation, False the diffusion model.
         body: size and mass of the human, with the proportions of the set; None for the default.
@@ -94,43 +94,31 @@ def export(
         eight_bits: whether products of matrices in denoiser and decoder are of integers (`eight_bits.py`).
 
     Raises:
-        ConfigError: a stage has not been trained, or the folder is not empty and no bundle.
+        ConfigError: a stage has not been trained, the run is personalised, or the folder is not empty and no bundle.
     """
-    if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
-        raise ConfigError(f"{folder}: is not empty and not a bundle")
+    if personal := run.personal_wordings():
+        raise ConfigError(f"{run.folder}: is personalised to {personal[0]!r}, and no bundle without the model before")
+    require_bundle_folder(folder)
     corrections = run.config.corrections if corrections is None else corrections
     corrections.require_known(kinds(), "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
+    remove_networks(folder)
     summary, config, layout = run.summary(), run.config, run.layout
     window, diffusion = config.window, config.diffusion
-    rows = 1 if distilled else 3
-    inputs = {
-        "noisy": torch.zeros(rows, autoencoder.latent),
-        "time": torch.zeros(rows, dtype=torch.int64),
-        "history": torch.zeros(rows, window.history, layout.size),
-        "sentence": torch.zeros(rows, diffusion.text),
-        "velocity": torch.zeros(rows, 3),
-        "manner": torch.zeros(rows, diffusion.text),
-        "present": torch.zeros(rows, 3),
-    }
-    if distilled:
-        inputs["guidance"] = torch.ones(rows, 2)
-    export_network(denoiser, folder / DENOISER, inputs, ["clean"])
+    inputs = denoiser_inputs(run, autoencoder.latent, distilled=distilled)
+    write_denoiser(denoiser, folder / DENOISER, inputs, eight_bits=eight_bits)
     decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
     decoder = Decoder(autoencoder, denoiser).eval()
     export_network(decoder, folder / DECODER, decoding, ["frames"])
-    networks = [DENOISER, DECODER, NETWORK]
+    networks = [DECODER, NETWORK]
     if distilled and is_trained(run.stage("control")):
-        export_control(run, denoiser, folder / CONTROL, inputs)
+        export_control(load_control(run, denoiser), run, folder / CONTROL, inputs)
         networks.append(CONTROL)
-    else:
-        (folder / CONTROL).unlink(missing_ok=True)
     for name in (NETWORK, VOCABULARY):
         copyfile(run.stage("text") / name, folder / name)
     if eight_bits:
-        for name in (DENOISER, DECODER):
-            to_eight_bits(folder / name)
+        to_eight_bits(folder / DECODER)
     for name in networks:
         halve_weights(folder / name)
     body = summary.with_proportions(body or Body())
@@ -170,22 +158,62 @@ def export(
     return write_bundle(folder, manifest, arrays)
 
 
-def load_control(run: Run, denoiser: Denoiser) -> ConstrainedDenoiser:
+def require_bundle_folder(folder: Path) -> None:
+    """Raise `ConfigError` where a folder holds something else than a bundle."""
+    if folder.exists() and any(folder.iterdir()) and not (folder / MANIFEST).is_file():
+        raise ConfigError(f"{folder}: is not empty and not a bundle")
+
+
+def remove_networks(folder: Path) -> None:
+    """Remove the networks of an earlier bundle, of which a new one may lack some."""
+    for path in folder.glob("*.onnx"):
+        path.unlink()
+
+
+def denoiser_inputs(run: Run, latent: int, *, distilled: bool) -> dict[str, Tensor]:
+    """Inputs of an exported denoiser by name; without guidance as an input, those of a step under guidance."""
+    window, diffusion, rows = run.config.window, run.config.diffusion, 1 if distilled else 3
+    inputs = {
+        "noisy": torch.zeros(rows, latent),
+        "time": torch.zeros(rows, dtype=torch.int64),
+        "history": torch.zeros(rows, window.history, run.layout.size),
+        "sentence": torch.zeros(rows, diffusion.text),
+        "velocity": torch.zeros(rows, 3),
+        "manner": torch.zeros(rows, diffusion.text),
+        "present": torch.zeros(rows, 3),
+    }
+    return inputs | ({"guidance": torch.ones(rows, 2)} if distilled else {})
+
+
+def write_denoiser(denoiser: Denoiser, path: Path, inputs: dict[str, Tensor], *, eight_bits: bool) -> None:
+    """Write a denoiser as a bundle keeps it."""
+    export_network(denoiser, path, inputs, ["clean"])
+    if eight_bits:
+        to_eight_bits(path)
+    halve_weights(path)
+
+
+def load_control(run: Run, denoiser: Denoiser, folder: Path | None = None) -> ConstrainedDenoiser:
     """The distilled denoiser of a run with its control branch.
+
+    Args:
+        run: of the denoiser.
+        denoiser: distilled.
+        folder: of the branch's weights; None for the run's own.
 
     Raises:
         ConfigError: the branch has not been trained, or has weights of another network.
     """
     branch = ControlBranch(denoiser, run.config.control, run.config.window, run.layout)
-    load_weights(branch, run.stage("control"))
+    load_weights(branch, run.stage("control") if folder is None else folder)
     return ConstrainedDenoiser(denoiser, branch).eval()
 
 
-def export_control(run: Run, denoiser: Denoiser, path: Path, inputs: dict[str, Tensor]) -> None:
-    """Write the denoiser with its control branch; `inputs`: those of the denoiser."""
+def export_control(controlled: ConstrainedDenoiser, run: Run, path: Path, inputs: dict[str, Tensor]) -> None:
+    """Write a denoiser with its control branch; `inputs`: those of the denoiser."""
     shape = (1, run.config.window.future, ConstraintLayout(run.layout).size)
     constraints = {"values": torch.zeros(shape), "mask": torch.zeros(shape)}
-    export_network(load_control(run, denoiser), path, inputs | constraints, ["clean"])
+    export_network(controlled, path, inputs | constraints, ["clean"])
 
 
 def _jacobian(run: Run, decoder: Decoder, summary: SetSummary) -> np.ndarray:
@@ -207,9 +235,7 @@ def _jacobian(run: Run, decoder: Decoder, summary: SetSummary) -> np.ndarray:
 def _arrays(run: Run, summary: SetSummary, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
     prompts = [(kind, wording) for kind in summary.kinds for wording in wordings(kind)]
-    personal = run.personal_wordings()
     manners = {name: manner_wordings(name) for name in summary.manners}
-    manners |= {personal[0]: personal} if personal else {}
     return {
         **summary.arrays(),
         "kept": NoiseSchedule(steps).kept.numpy(),
@@ -218,5 +244,5 @@ def _arrays(run: Run, summary: SetSummary, steps: int) -> dict[str, np.ndarray]:
         "manner_names": np.array(list(manners)),
         "manner_embeddings": np.stack([mean_embedding(said, encode) for said in manners.values()]).astype(np.float16),
         **fit_listener(encode, sayings()),
-        **fit_manner_listener(encode, personal),
+        **fit_manner_listener(encode),
     }

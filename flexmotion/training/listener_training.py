@@ -62,12 +62,11 @@ def fit_listener(encode: SentenceEncoder, examples: Sequence[tuple[str, str]]) -
     }
 
 
-def fit_manner_listener(encode: SentenceEncoder, personal: Sequence[str] = ()) -> dict[str, np.ndarray]:
+def fit_manner_listener(encode: SentenceEncoder) -> dict[str, np.ndarray]:
     """Fit the `Listener` of manners to the phrases of `manners.yaml`; returns its arrays as a bundle keeps them.
 
-    Args:
-        encode: sentence encoder.
-        personal: wordings of a personal manner, whose name is the first.
+    A person's manner is not among them: it is asked for by its own words alone (`manner_reader.py`), and "like Anna" is
+    not "like Ada".
     """
     examples = [
         (manner, phrase)
@@ -75,7 +74,6 @@ def fit_manner_listener(encode: SentenceEncoder, personal: Sequence[str] = ()) -
         for phrase in (*manner_wordings(manner), *manner_sayings(manner), *manner_words(manner))
     ]
     examples += [(NOTHING, phrase) for phrase in (*unknown_manners(), *sorted(neutral_words()))]
-    examples += [(personal[0], phrase) for phrase in personal]
     return {f"manner_{name}": values for name, values in fit_listener(encode, examples).items()}
 
 
@@ -89,7 +87,7 @@ def refit_listener(bundle: Bundle, out: Path, more: Sequence[tuple[str, str]] = 
 
     Raises:
         ConfigError: the folder is not empty or lies in the bundle; a further sentence is of a kind that the bundle does
-            not know, or would be refused as a prohibition; the bundle knows a personal manner, whose sentences only its
+            not know, or would be refused as a prohibition; the bundle knows a kind of motion whose sentences only its
             training has.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -102,14 +100,13 @@ def refit_listener(bundle: Bundle, out: Path, more: Sequence[tuple[str, str]] = 
         raise ConfigError(
             f"{bundle.folder}: knows {sorted(lost)}, whose sentences only its training has; export it again from there"
         )
-    personal = [name for name in bundle.manners.names if name not in manners()]
     for kind, sentence in more:
         if kind not in learnt:
             raise ConfigError(f"{sentence!r} is of kind {kind!r}; the model knows {', '.join(sorted(learnt))}")
         if kind not in (STAND, NOTHING) and forbids(sentence, kind):
             raise ConfigError(f"{sentence!r} forbids a motion, so the robot would stand still; say what to do")
     encode = SentenceEncoder(bundle.folder)
-    listener = fit_listener(encode, [*known, *more]) | fit_manner_listener(encode, personal)
+    listener = fit_listener(encode, [*known, *more]) | fit_manner_listener(encode)
     out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
         made = Path(folder) / "bundle"

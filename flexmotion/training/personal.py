@@ -3,11 +3,15 @@
 Half of every step's loss is of the person's clips, whose manner is the person's, and half of the clips that the model
 was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023), or of motion that the model sampled
 before, where those are not at hand. Autoencoder, statistics and sentence encoder are not changed.
+
+The fine-tuned network is for requests in the person's manner alone (`personal_export.py`). The other half keeps it able
+to do, in that manner, kinds of motion that the person's clips do not show.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from shutil import copyfile, copytree
@@ -18,6 +22,9 @@ from torch import Tensor, nn
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig
 from flexmotion.dataset.compact_set import open_set
+from flexmotion.text.manner_phrases import manner_phrases
+from flexmotion.text.manners import NORMAL
+from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import BEST, is_trained
@@ -27,7 +34,8 @@ from flexmotion.training.examples import Examples, Halves, SetExamples
 from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
 from flexmotion.training.own_samples import OwnSamples
 from flexmotion.training.processes import Processes
-from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, Run
+from flexmotion.training.release import begin_to_export
+from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, RELEASED, Run
 from flexmotion.training.set_summary import SUMMARY
 from flexmotion.training.stage import Task
 
@@ -68,17 +76,34 @@ def always_asked(config: ModelConfig) -> ModelConfig:
     return config.model_copy(update={"diffusion": diffusion})
 
 
+def training_of(path: Path, out: Path) -> Run:
+    """The training that is personalised: that of a folder, or one that is made of a weights file.
+
+    Args:
+        path: folder of a training, or a weights file.
+        out: folder of the personalised run. The training of a weights file is made in it (`RELEASED`), with the student
+            and the control branch that the file or the files beside it hold: a bundle is made of them.
+
+    Raises:
+        ConfigError: see `begin_to_export`.
+    """
+    return begin_to_export(path, out / RELEASED) if path.is_file() else Run(path)
+
+
 def personal_run(trained: Run, out: Path, manner: str) -> Run:
     """Make a new run with the stages of a trained one that personalisation keeps.
 
     Args:
-        trained: with autoencoder, text and diffusion.
+        trained: with autoencoder, text and diffusion; where it is personalised itself, the new run keeps its person
+            beside the new one.
         out: folder of the new run; an existing run there is resumed.
         manner: words that ask for it, such as "like Ada".
 
     Raises:
-        ConfigError: a stage of the trained run is missing.
+        ConfigError: a stage of the trained run is missing, the folder holds a personalisation of another training, or
+            the words ask for something already.
     """
+    require_free(manner, trained)
     for stage, name in (("autoencoder", BEST), ("diffusion", BEST), ("text", NETWORK)):
         if not (trained.stage(stage) / name).is_file():
             raise ConfigError(f"{trained.stage(stage)}: not trained; run 'flexmotion train {stage}' first")
@@ -95,8 +120,37 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         if trained.has_features:  # as large as the set, and only read: linked, not copied
             (out / FEATURES).symlink_to((trained.folder / FEATURES).resolve(), target_is_directory=True)
+    run = Run(out)
+    run.link_before(trained)
     (out / PERSONAL).write_text(json.dumps([manner]), encoding="utf-8")
-    return Run(out)
+    return run
+
+
+def require_free(manner: str, trained: Run) -> None:
+    """Raise `ConfigError` where words cannot name a person: the model hears them as something else already."""
+    said = manner.strip()
+    if not said or said != manner:
+        raise ConfigError(f"manner {manner!r}: expected words such as 'like Ada', without spaces around them")
+    known = next((phrase.manner for phrase in manner_phrases(said) if phrase.manner is not None), None)
+    if said.lower() == NORMAL or known is not None:
+        raise ConfigError(f"manner {manner!r}: asks for the manner {known or NORMAL!r} already; choose other words")
+    own = re.compile(rf"(?<!\w){re.escape(said)}(?!\w)", re.IGNORECASE)
+    sentences = (sentence for _, sentence in sayings())
+    if (inside := min(filter(own.search, sentences), key=len, default=None)) is not None:
+        raise ConfigError(f"manner {manner!r}: is a part of {inside!r}, which would be done so; choose other words")
+    if said.lower() in (name.lower() for name in persons(trained)):
+        raise ConfigError(f"manner {manner!r}: {trained.folder} knows that person already; choose other words")
+
+
+def persons(run: Run) -> tuple[str, ...]:
+    """Manners of the persons that a run is personalised to, its own the last one."""
+    own = run.personal_wordings()[:1]
+    return (*persons(run.before()), *own) if own else ()
+
+
+def impersonal(run: Run) -> Run:
+    """The training of a run before it was personalised to anyone."""
+    return impersonal(run.before()) if run.personal_wordings() else run
 
 
 def personal_task(
@@ -106,13 +160,13 @@ def personal_task(
 
     Args:
         run: made by `personal_run`.
-        trained: run whose denoiser is fine-tuned.
+        trained: run that it began from. The denoiser that is fine-tuned is that of nobody, where it has a person.
         data: set of the person's clips, made by `data build`.
         manner: as in `personal_run`.
         progress: called with the share of the features computed, 0 to 1.
     """
     store = build_store(open_set(data), run.layout, run.folder / PERSON, progress)
-    person, kept = _person_and_rest(run, store, trained.stage("diffusion"), (manner,))
+    person, kept = _person_and_rest(run, store, impersonal(trained).stage("diffusion"), (manner,))
     return PersonalTask(kept, person)
 
 

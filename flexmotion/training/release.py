@@ -49,7 +49,7 @@ from flexmotion.training.release_file import (
     halved,
     write_release_file,
 )
-from flexmotion.training.run import PERSONAL, Origin, Run, different_settings, layout_of
+from flexmotion.training.run import PERSONAL, RELEASED, Origin, Run, different_settings, layout_of
 from flexmotion.training.set_summary import SetSummary
 
 NEEDS: dict[str, tuple[str, ...]] = {
@@ -185,6 +185,36 @@ def begin_run(
         content = {"network": file.weights(name), **file.header.stages[name].model_dump(), BEGUN: file.hash}
         write_checkpoint(content, run.stage(name) / BEST)
     return run
+
+
+def begin_to_export(path: Path, folder: Path, stage: str = "diffusion") -> Run:
+    """A training folder with all that a bundle of a release needs: a stage, and student and control branch if any.
+
+    Of a personalised release, also with the training that it began from, where its release lies beside it.
+
+    Args:
+        path: of the release.
+        folder: of the training.
+        stage: that the release or a file beside it must have.
+
+    Raises:
+        ConfigError: see `begin_run`.
+    """
+    more = [stage for stage in ("distill", "control") if stage in offered_stages(path)]
+    run = begin_run(path, folder, [stage, *more])
+    header = ReleaseFile(path).header
+    if header.personal and (base := _release_beside(path, header.begun)) is not None:
+        run.link_before(begin_to_export(base, folder / RELEASED))
+    return run
+
+
+def _release_beside(path: Path, wanted: str) -> Path | None:
+    """The release with a hash, beside another one."""
+    for other in sorted(path.parent.glob(f"*{path.suffix}")):
+        with suppress(ConfigError, OSError, ValueError):  # of another program, or not readable
+            if other != path and ReleaseFile(other).hash == wanted:
+                return other
+    return None
 
 
 def _trained_weights(run: Run, name: str) -> dict[str, Tensor]:

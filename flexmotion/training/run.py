@@ -33,6 +33,10 @@ PERSONAL = "personal.json"
 """Wordings of a personalised run, beside those that every run has."""
 PERSON = "person"
 """Folder of the features of a personalised run's own clips."""
+BEFORE = "before"
+"""Link of a personalised run to the training whose denoiser it fine-tunes."""
+RELEASED = "released"
+"""Folder of that training where it is made of a weights file."""
 ORIGIN = "origin.json"
 """Release that a run began from."""
 
@@ -200,6 +204,39 @@ class Run:
         """Prompts for the manner that a run was personalised to; none for other runs."""
         path = self.folder / PERSONAL
         return tuple(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else ()
+
+    @property
+    def has_before(self) -> bool:
+        """Whether the training that a personalised run began from is known and there."""
+        return (self.folder / BEFORE / CONFIG).is_file()
+
+    def before(self) -> Run:
+        """The training that a personalised run began from; it may be that of another person.
+
+        Raises:
+            ConfigError: it is not where it was, or is not known.
+        """
+        link = self.folder / BEFORE
+        if not self.has_before:
+            where = f"{link.readlink()} is not there" if link.is_symlink() else f"{link}: not found"
+            raise ConfigError(
+                f"{self.folder}: the training that it began from: {where}; run 'flexmotion personalize' again with it,"
+                " or export with --onto BUNDLE"
+            )
+        return Run(link.resolve())
+
+    def link_before(self, trained: Run) -> None:
+        """Remember the training that a personalised run begins from.
+
+        Raises:
+            ConfigError: it began from another one.
+        """
+        link = self.folder / BEFORE
+        if not link.is_symlink():  # relative: both folders may be moved together
+            target = os.path.relpath(trained.folder.resolve(), self.folder.resolve())
+            link.symlink_to(target, target_is_directory=True)
+        elif link.resolve() != trained.folder.resolve():
+            raise ConfigError(f"{self.folder}: holds a personalisation of {link.readlink()}; use another folder")
 
     def fingerprint(self) -> str:
         """SHA-256 of what the weights depend on: networks, windows, seed."""

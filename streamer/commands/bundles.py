@@ -45,6 +45,8 @@ def bundles(
         print_result(f"  kinds of motion: {', '.join(summary['kinds'])}")
         if summary["manners"]:
             print_result(f"  manners: {', '.join(summary['manners'])}")
+        if summary["persons"]:
+            print_result(f"  of persons, by networks of their own: {', '.join(summary['persons'])}")
         print_result(f"  licence: {summary['licence']}")
 
 
@@ -60,4 +62,5 @@ def _summary(bundle: Bundle) -> dict[str, Any]:
         "licence": manifest.licence,
         "kinds": list(offered_kinds(bundle)),
         "manners": list(offered_manners(bundle)),
+        "persons": list(bundle.personal),
     }

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.train import needs_training
@@ -38,6 +39,15 @@ def export(
     eight_bits: Annotated[
         bool, typer.Option("--eight-bits", help="Networks in eight bits: faster, smaller, and nearly the same motion.")
     ] = False,
+    onto: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|DIR",
+            help="Of a personalised training: bundle of the model before, which gets the person and stays as it is in"
+            " all else; by default it is exported too.",
+            show_default=False,
+        ),
+    ] = None,
     weights: Annotated[
         bool,
         typer.Option(
@@ -56,6 +66,8 @@ def export(
 ) -> None:
     """Write a bundle: exported networks, statistics, known wordings, licence, with a hash.
 
+    Of a personalised training: the bundle of the model before, with one more network for the person's manner.
+
     With --weights, a file to train further from: weights of the networks, statistics, configuration, licence. A
     training that is still running can be written.
 
@@ -68,10 +80,14 @@ def export(
       flexmotion export training --weights -o released.safetensors
 
       flexmotion export released.safetensors -o bundle
+
+      flexmotion export ada_training --onto default -o ada_bundle
     """
     needs_training()
     if weights and eight_bits:
         raise typer.BadParameter("--eight-bits: of a bundle; weights to train further from are in half precision")
+    if onto is not None and (weights or eight_bits or corrections is not None):
+        raise typer.BadParameter("--onto: everything but the person is that of the bundle; leave other options out")
     if weights:
         if training.is_file():
             raise typer.BadParameter(f"{training} is a weights file already; a bundle is made of it without --weights")
@@ -79,24 +95,30 @@ def export(
         return
     if stages is not None:
         raise typer.BadParameter("--stages: of a weights file; give --weights")
+    from flexmotion.bundles.bundle import Bundle
     from flexmotion.bundles.manifest import read_corrections
+    from flexmotion.bundles.shipped import bundle_folder
     from flexmotion.configs.corrections import Corrections
     from flexmotion.human.body import Body
-    from flexmotion.training.export import export as write
-    from flexmotion.training.release import begin_run, offered_stages
-    from flexmotion.training.run import Run
+    from flexmotion.training.personal_export import export_bundle
+    from flexmotion.training.release import begin_to_export
+    from flexmotion.training.run import BEFORE, Run
 
     with TemporaryDirectory() as place:
         if training.is_file():
-            needed = ["distill"] if distilled else ["diffusion"]
-            more = [name for name in ("control",) if distilled and name in offered_stages(training)]
-            run = begin_run(training, Path(place), needed + more)
+            run = begin_to_export(training, Path(place), "distill" if distilled else "diffusion")
+            if run.personal_wordings() and onto is None and not (Path(place) / BEFORE).exists():
+                raise ConfigError(
+                    f"{training}: is personalised, and lacks the model before: put the weights file that it began from"
+                    " beside it, or give its bundle with --onto"
+                )
         else:
             run = Run(training)
-        bundle = write(
+        bundle = export_bundle(
             run,
             out,
             distilled=distilled,
+            onto=None if onto is None else Bundle(bundle_folder(onto)),
             body=Body(height=height, mass=mass),
             description=description,
             corrections=None if corrections is None else read_corrections(corrections),

@@ -24,7 +24,7 @@ def personalize(
     prior: Annotated[
         Path | None,
         typer.Option(
-            help="With a weights file: a set of other people's clips, whose motion is to stay as it is.",
+            help="With a weights file: a set of other people's clips, for kinds of motion that the person lacks.",
             show_default=False,
         ),
     ] = None,
@@ -35,8 +35,9 @@ def personalize(
 ) -> None:
     """Fine-tune a model on a few clips of one person or style, beside the clips of its own training set.
 
-    The new folder is a training: `train distill` and `export` make a bundle of it. A weights file has no clips: what
-    is not of the person is then kept as in the clips of --prior, or as in motion that the model samples before.
+    The new folder is a training: `train distill` and `export` make a bundle of it, in which requests in the manner have
+    a network of their own and all others stay as they were. A weights file has no clips: kinds of motion that the
+    person does not show are then learnt in the clips of --prior, or in motion that the model samples before.
 
     [bold]Examples[/bold]
 
@@ -45,22 +46,17 @@ def personalize(
       flexmotion personalize released.safetensors --set ada --manner "like Ada" -o ada_training
     """
     needs_training()
-    from flexmotion.training.personal import personal_run, personal_task
+    from flexmotion.training.personal import personal_run, personal_task, training_of
     from flexmotion.training.processes import use_threads
-    from flexmotion.training.release import begin_run
-    from flexmotion.training.run import Run
 
     if threads is not None:
         use_threads(threads)
-    if training.is_file():
-        trained = begin_run(training, out / "released", ["diffusion"])
-        if prior is not None:
-            with progress_bar("computes features") as progress:
-                trained.store(prior, progress)
-    elif prior is not None:
+    if prior is not None and not training.is_file():
         raise typer.BadParameter("--prior: the clips of a training are those that it began with; it is for WEIGHTS")
-    else:
-        trained = Run(training)
+    trained = training_of(training, out)
+    if prior is not None:
+        with progress_bar("computes features") as progress:
+            trained.store(prior, progress)
     run = personal_run(trained, out, manner)
     with progress_bar("computes features") as progress:
         task = personal_task(run, trained, data, manner, progress)

@@ -255,6 +255,8 @@ def control(run: Run, finish: Finish) -> None:
     from flexmotion.training.control_task import VERSION, ControlTask
     from flexmotion.training.export import load_networks
 
+    if personal := run.personal_wordings():
+        raise ConfigError(f"{run.folder}: is personalised to {personal[0]!r}; its branch is that of the model before")
     student = load_networks(run, distilled=True)[1]
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))

@@ -93,3 +93,13 @@ def test_unlisted_words_are_classified_and_unknown_ones_dropped() -> None:
 def test_a_personal_manner_is_known_by_its_own_words() -> None:
     heard = MannerReader(Encoder(), ("normal", "like Ada"), None)("Walk like ADA to the left")
     assert heard.manner == "like Ada" and not heard.dropped
+
+
+def test_of_two_persons_the_longer_name_is_meant() -> None:
+    """Each name was looked for by itself: "like Ada Lovelace" was done like Ada."""
+    read = MannerReader(Encoder(), ("normal", "like Ada", "like Ada Lovelace"), None)
+    assert read("wave like ada lovelace").manner == "like Ada Lovelace"
+    assert read("wave like Ada").manner == "like Ada" and not read("wave like Ada").dropped
+    assert read("wave like Adam").manner == manners.NORMAL
+    both = read("walk like Ada, then wave like Ada Lovelace")
+    assert both.manner == "like Ada" and both.dropped == ("like ada lovelace",)

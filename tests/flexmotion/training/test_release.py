@@ -35,6 +35,7 @@ from flexmotion.training.evaluator_task import EvaluatorTask  # noqa: E402
 from flexmotion.training.export import export, load_networks  # noqa: E402
 from flexmotion.training.half_weights import LEAST  # noqa: E402
 from flexmotion.training.personal import personal_run, personal_task, personal_teacher  # noqa: E402
+from flexmotion.training.personal_export import export_bundle  # noqa: E402
 from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.release import begin_run, write_release  # noqa: E402
 from flexmotion.training.release_file import METADATA, ReleaseFile, write_release_file  # noqa: E402
@@ -169,7 +170,7 @@ def test_a_release_is_personalised_with_the_set_that_keeps_the_rest(
     assert execute([*personalize, *out]) == 0
     figures = json.loads(capsys.readouterr().out)["validation"]
     assert figures["kept"] > 0 and figures["learnt"] > 0
-    sampler = Sampler(export(Run(tmp_path / "ada"), tmp_path / "bundle", distilled=False), steps=2)
+    sampler = Sampler(export_bundle(Run(tmp_path / "ada"), tmp_path / "bundle", distilled=False), steps=2)
     assert sampler.prompt("walk like Ada").manner == "like Ada"
 
 
@@ -183,7 +184,7 @@ def test_a_release_is_personalised_without_any_other_set(
     assert 0 < json.loads(capsys.readouterr().out)["validation"]["kept"] < 0.05
     run = Run(tmp_path / "ada")
     assert not run.has_features and (run.folder / "person" / "index.json").is_file()
-    sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
+    sampler = Sampler(export_bundle(run, tmp_path / "bundle", distilled=False), steps=2)
     assert sampler.prompt("walk like Ada").manner == "like Ada"
     task = personal_task(run, Run(run.folder / "released"), small_set, "like Ada")
     loss, parts = task.losses(0)
@@ -205,7 +206,7 @@ def test_a_personalised_release_is_distilled_on_the_person_and_on_its_own_sample
     assert execute([*personalize, "-o", folder, "--steps", "2"]) == 0
     assert execute(["train", "distill", "-o", folder, "--steps", "2"]) == 0
     run = Run(tmp_path / "ada")
-    sampler = Sampler(export(run, tmp_path / "bundle", distilled=True))
+    sampler = Sampler(export_bundle(run, tmp_path / "bundle", distilled=True))
     assert sampler.bundle.manifest.guided and sampler.prompt("walk like Ada").manner == "like Ada"
     person, examples = personal_teacher(run)
     asked = examples.draw((3,), 64).conditions
@@ -288,7 +289,9 @@ def test_a_personalised_release_knows_its_manner(trained: Run, small_set: Path, 
     stages.train(run, "diffusion", personal_task(run, trained, small_set, "like Ada"), 2)
     path, made = tmp_path / "ada.safetensors", tmp_path / "bundle"
     assert execute(["export", str(run.folder), "--weights", "-o", str(path)]) == 0
-    assert execute(["export", str(path), "--diffusion", "-o", str(made)]) == 0
+    before = export(trained, tmp_path / "before", distilled=False)
+    onto = ["--onto", str(before.folder), "-o", str(made)]
+    assert execute(["export", str(path), "--diffusion", *onto]) == 0
     assert Sampler(Bundle(made), steps=2).prompt("walk like Ada").manner == "like Ada"
 
 
