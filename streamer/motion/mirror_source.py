@@ -32,6 +32,8 @@ LEAST_POSES = 6
 WORDS = ("mirror", "mirror me", "mirror the person")
 """Targets that are followed: they release the stand after a stop."""
 _KEPT_S = 2.0
+_RATE_POSES = 12
+"""Poses that show how often frames come."""
 
 
 class MirrorSource:
@@ -71,6 +73,12 @@ class MirrorSource:
     def body(self) -> Body:
         """Of the person who is seen; a mean one before."""
         return self._poses[-1].motion.body if self._poses else Body()
+
+    @property
+    def between_s(self) -> float:
+        """Median time between the last frames that brought poses [s]; NaN before there are some."""
+        arrivals = np.unique([pose.arrived_s for pose in list(self._poses)[-_RATE_POSES:]])
+        return float(np.median(np.diff(arrivals))) if len(arrivals) >= LEAST_POSES else np.nan
 
     def update(self, now_s: float) -> None:
         """Take the poses that have come. `now_s`: present time, on their clock [s]."""

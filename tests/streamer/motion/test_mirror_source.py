@@ -70,6 +70,22 @@ def test_the_person_begins_where_the_robots_human_stands(clip):
     assert heading(source.window(29, 2).root_quaternion[0]) == pytest.approx(0.7)
 
 
+def test_the_time_between_frames_is_known_after_a_few_and_one_that_is_lost_does_not_change_it(clip):
+    channel = PersonChannel()
+    source = MirrorSource(channel)
+    assert np.isnan(source.between_s)
+    show(channel, clip, 0, 6)
+    show(channel, clip, 7, 10)
+    source.update(0.4)
+    assert source.between_s == pytest.approx(1.0 / FPS)
+    # A slow frame completes several poses at once.
+    for frame in range(10, 30, 2):
+        for pose in (frame, frame + 1):
+            channel.publish(PersonPose(1, pose / FPS, frame / FPS + 0.1, clip[pose : pose + 1]))
+    source.update(1.1)
+    assert source.between_s == pytest.approx(2.0 / FPS)
+
+
 def test_a_silent_person_is_followed_no_longer_and_one_who_comes_back_is(clip):
     source, channel = begun(clip)
     source.update(30 / FPS + SILENT_S - 0.05)
