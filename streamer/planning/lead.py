@@ -23,12 +23,13 @@ class Kind(Enum):
 class Lead(Protocol):
     """Gives the tick at which a plan can join, from the times that plans took."""
 
-    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+    def join(self, kind: Kind, now: float, spent_s: float | None = None, *, soon: bool = False) -> int:
         """First tick by whose beginning a plan of this kind will be ready.
 
         Args:
             now: the present, or the moment at which the plan was begun if `spent_s` is given [ticks].
             spent_s: the human motion is sampled, which took so long [s]; None: not yet.
+            soon: a whole plan counts as one for a target: the next follows at once where the loop cannot take it.
         """
         ...
 
@@ -43,7 +44,7 @@ class FixedLead:
     def __init__(self, ticks: int) -> None:
         self._ticks = ticks
 
-    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+    def join(self, kind: Kind, now: float, spent_s: float | None = None, *, soon: bool = False) -> int:
         """See `Lead.join`."""
         return math.ceil(now) + self._ticks
 
@@ -64,10 +65,10 @@ _SOONEST = 10
 class MeasuredLead:
     """The times that the last plans of each kind took.
 
-    A plan joins as early as a high percentile of the times after sampling permits; that of a target or a stop `LATEST`
-    ticks earlier, by which the loop still takes it late, but not before a low percentile, where nothing would be ready.
-    Sampling is counted by its median first, and by what it took once it is done: slow sampling, or words that were read
-    for the first time, put a plan off, and do not make it late.
+    A plan joins as early as a high percentile of the times after sampling permits; that of a target, a stop or a person
+    who is mirrored `LATEST` ticks earlier, by which the loop still takes it late, but not before a low percentile,
+    where nothing would be ready. Sampling is counted by its median first, and by what it took once it is done: slow
+    sampling, or words that were read for the first time, put a plan off, and do not make it late.
 
     Args:
         rate_hz: ticks a second.
@@ -81,11 +82,11 @@ class MeasuredLead:
         self._sampling: dict[Kind, deque[float]] = {kind: deque(maxlen=_REMEMBERED) for kind in at_first}
         self._rest: dict[Kind, deque[float]] = {kind: deque(maxlen=_REMEMBERED) for kind in at_first}
 
-    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+    def join(self, kind: Kind, now: float, spent_s: float | None = None, *, soon: bool = False) -> int:
         """See `Lead.join`."""
         rest = self._rest[kind] or (self._at_first[kind],)
         rest_s = _MARGIN * float(np.percentile(rest, _SHARE))
-        if kind is not Kind.WHOLE:
+        if soon or kind is not Kind.WHOLE:
             rest_s = max(rest_s - LATEST / self._rate, float(np.percentile(rest, _SOONEST)))
         if spent_s is None:
             sampling = self._sampling[kind]

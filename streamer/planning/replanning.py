@@ -194,7 +194,8 @@ class Replanner:
         begin = time.perf_counter()
         kind, new = self._due.kind(row, target), self._due.is_new(target, row)
         now, sampling_s = tick - early, 0.0
-        join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
+        soon = self._mirroring is not None and not self._mirroring.resting
+        join, resumed, current = self._join(kind, row, self.lead.join(kind, now, soon=soon))
         if kind is Kind.STOP:
             target = NO_TARGET
         elif new:
@@ -216,7 +217,7 @@ class Replanner:
         def settle() -> tuple[int, Plan | None]:
             nonlocal join, resumed, current, sampling_s
             sampling_s = time.perf_counter() - begin
-            join, resumed, current = self._join(kind, row, max(join, self.lead.join(kind, now, sampling_s)))
+            join, resumed, current = self._join(kind, row, max(join, self.lead.join(kind, now, sampling_s, soon=soon)))
             return join, current
 
         try:

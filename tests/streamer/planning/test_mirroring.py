@@ -17,7 +17,7 @@ RATE = 1000.0
 
 
 class Person:
-    """A source of which only the times count: poses come every `between_s`, and are seen `delay_s` after their frame."""
+    """A source of which only the times count: frames come every `between_s`, each is seen `delay_s` later."""
 
     wanted, resting = False, False
 

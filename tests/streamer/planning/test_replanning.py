@@ -356,6 +356,14 @@ def test_a_target_does_not_wait_for_the_slowest_plans_where_the_loop_still_takes
     assert _ticks(lead, Kind.PARTIAL) == 4
 
 
+def test_a_person_who_is_mirrored_does_not_wait_for_the_slowest_plans_either() -> None:
+    """Each pose waited for a tick in which the loop would have taken its plan: the arm came 8 ms later."""
+    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.02), 0.75)
+    for took in (*[0.014] * 30, *[0.02] * 2):
+        lead.record(Kind.WHOLE, 0.0, took)
+    assert (lead.join(Kind.WHOLE, 0.0), lead.join(Kind.WHOLE, 0.0, soon=True)) == (3, 2)
+
+
 def test_a_target_does_not_wait_for_the_median_of_plans_either() -> None:
     """It joined after the median: of plans that were ready sooner each waited, though slower ones cost nothing."""
     lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.02), 0.75)
