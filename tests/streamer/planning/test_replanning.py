@@ -386,7 +386,7 @@ def test_slow_sampling_puts_a_plan_off_and_does_not_make_it_late() -> None:
 class _SlowSampling:
     """A lead that finds out, once the motion is sampled, that a plan joins later."""
 
-    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+    def join(self, kind: Kind, now: float, spent_s: float | None = None, *, soon: bool = False) -> int:
         return math.ceil(now) + (LEAD if spent_s is None else 3 * LEAD)
 
     def record(self, kind: Kind, sampling_s: float, rest_s: float) -> None:
