@@ -24,7 +24,7 @@ Act = tuple[float, Callable[[Any], None]]
 KILLED_S, AGAIN_S, END_S = 2.0, 6.0, 7.5
 SAMPLING_S, CHECKPOINT_S = 0.014, 0.0003
 """Processor time of a prediction, and of a checkpoint: some 40 of them are the 12 ms of retargeting."""
-P50_S, P95_S = 0.07, 0.14
+P50_S, P95_S = 0.06, 0.07
 """From the pose to the first command; the fit of a frame, 6 ms, comes before, and 80 and 150 ms are asked."""
 
 
