@@ -25,8 +25,9 @@ DIES_S = 0.3
 """Time constant with which a held speed dies away [s] (docs/decisions.md)."""
 SPEED_S = 0.1
 """Time over which the speed is measured that is held [s]."""
-PACE_S = 1.0 / 3.0
-"""Time over which the velocity is measured that the model is asked for [s]."""
+PACE_S, STRIDE_S = 1.0 / 3.0, 1.0
+"""Times over which the velocity is measured that the model is asked for: ahead, and of sideways and turning [s]. The
+pelvis of a walker sways and turns to and fro with every stride, by up to .5 m/s and 2 rad/s (docs/decisions.md)."""
 GROUND_S = 0.6
 """History in which the ground is sought that a person stands on, or jumped from: longer than a person flies [s]."""
 STEP_M = 0.08
@@ -92,7 +93,7 @@ class ModelPrediction:
     def __init__(self, sampler: Sampler) -> None:
         self.name, self._sampler = f"model {sampler.name}", sampler
         self._after = HeldSpeed(sampler.fps)
-        self.remembers = max(sampler.remembers, round(max(PACE_S, GROUND_S) * sampler.fps) + 1)
+        self.remembers = max(sampler.remembers, round(max(STRIDE_S, GROUND_S) * sampler.fps) + 1)
 
     def __call__(self, history: Motion, frames: int) -> Motion:
         """See `Predictor`."""
@@ -151,12 +152,17 @@ def _rotation(pose: Motion) -> Rotation:
 
 
 def _velocity(history: Motion) -> tuple[float, float, float]:
-    """Forward, left [m/s] and turning left [rad/s] of the last frames, in the last heading."""
-    last = history[max(len(history) - 1 - round(PACE_S * history.fps), 0) :]
-    if len(last) < 2:
+    """Forward in the last heading, left in the mean one [m/s], and turning left [rad/s], of the last frames."""
+    pace, stride = (history[max(len(history) - 1 - round(over * history.fps), 0) :] for over in (PACE_S, STRIDE_S))
+    if len(pace) < 2:
         return 0.0, 0.0, 0.0
-    yaw = np.unwrap(heading(last.root_quaternion))
-    x, y = (last.root_position[-1] - last.root_position[0])[:2] / last.duration
-    cosine, sine = np.cos(yaw[-1]), np.sin(yaw[-1])
-    turning = (yaw[-1] - yaw[0]) / last.duration
-    return float(cosine * x + sine * y), float(cosine * y - sine * x), float(turning)
+    yaw = np.unwrap(heading(stride.root_quaternion))
+    forward, _ = _in_heading(pace, yaw[-1])
+    _, left = _in_heading(stride, yaw.mean())
+    return forward, left, float((yaw[-1] - yaw[0]) / stride.duration)
+
+
+def _in_heading(motion: Motion, yaw: float) -> tuple[float, float]:
+    """Mean velocity of the root, ahead and to the left of a heading [m/s]."""
+    x, y = (motion.root_position[-1] - motion.root_position[0])[:2] / motion.duration
+    return float(np.cos(yaw) * x + np.sin(yaw) * y), float(np.cos(yaw) * y - np.sin(yaw) * x)
