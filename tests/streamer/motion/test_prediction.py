@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
@@ -54,6 +55,22 @@ def test_the_model_goes_on_from_the_person_whatever_the_size(clip, foresee):
     assert np.minimum(human.heel[..., 2], human.toe[..., 2]).min() > -0.1
     again = foresee(child, 50)
     np.testing.assert_array_equal(ahead.joints, again.joints)
+
+
+def test_a_walker_whose_pelvis_turns_to_and_fro_is_foreseen_straight_ahead(clip, foresee):
+    # Measured over a third of a second the pelvis turned by up to 2 rad/s: the model was asked to turn as fast.
+    still = clip[:1]
+    time_s = np.arange(60) / FPS
+    sway = 0.2 * np.sin(2.0 * np.pi * time_s / prediction.STRIDE_S)
+    walk = replace(
+        still,
+        root_position=still.root_position + np.outer(time_s, [1.0, 0.0, 0.0]),
+        root_quaternion=Rotation.from_euler("z", sway[:, None]).as_quat(scalar_first=True),
+        joints=np.repeat(still.joints, 60, axis=0),
+    )
+    for last in range(45, 60):
+        forward, left, turning = prediction._velocity(walk[:last])
+        assert abs(turning) < 0.1 and abs(left) < 0.1 and forward == pytest.approx(1.0, abs=0.05)
 
 
 def test_who_stands_on_a_ladder_is_not_foreseen_on_the_floor(clip, foresee):
