@@ -280,7 +280,8 @@ def overall(rows: Rows, others_m: float) -> dict[str, float]:
 
 def weak(rows: Rows) -> list[str]:
     """Kinds that a judge would not offer in the person's manner, as it does in the normal one."""
-    return [kind for kind, row in rows.items() if "done" in row and row["done"] < OFFERED <= row["done_before"]]  # type: ignore[operator]
+    judged = {kind: row for kind, row in rows.items() if "done" in row}
+    return [kind for kind, row in judged.items() if float(row["done"]) < OFFERED <= float(row["done_before"])]
 
 
 def verdicts(found: Mapping[str, float]) -> list[Verdict]:

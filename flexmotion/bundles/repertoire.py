@@ -53,7 +53,7 @@ def offered_kinds(bundle: Bundle) -> tuple[str, ...]:
 def offered_manners(bundle: Bundle) -> tuple[str, ...]:
     """Manners that a bundle offers: the normal one, persons', and those whose judge passed; all where none was judged.
 
-    No judge knows a person's manner: who exports it vouches for it.
+    A person's manner is offered without a judge: there is none for it.
     """
     own = bundle.manners.names
     judged = None if bundle.manifest.repertoire is None else bundle.manifest.repertoire.manners

@@ -155,7 +155,8 @@ class Sampler:
         """
         constraints = condition.constrained
         if constraints is not None:
-            check(constraints, self.bundle, self.balanced, branch=self._branch(self.meant(condition)) is not None)
+            manner = self.requests.manner(self.meant(condition))
+            check(constraints, self.bundle, self.balanced, branch=self.bundle.control(manner) is not None)
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
@@ -228,18 +229,15 @@ class Sampler:
 
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
-        asked, branch = condition.constrained, self._branch(condition)
+        asked, manner = condition.constrained, self.requests.manner(condition)
+        branch = None if asked is None else self.bundle.control(manner)
         if asked is not None and branch is not None:
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
             return run(self._controlled(branch), branch, self._inputs | values)
         usual = self._denoiser, self.bundle.folder / DENOISER
-        session, path = self._personal.get(self.requests.manner(condition), usual)
+        session, path = self._personal.get(manner, usual)
         found = run(session, path, self._inputs)
         return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
-
-    def _branch(self, condition: Condition) -> Path | None:
-        """The network whose control branch helps to keep the constraints of a condition of `meant`; None for none."""
-        return self.bundle.control(self.requests.manner(condition))
 
     def _controlled(self, path: Path) -> InferenceSession:
         """A network with a control branch, opened on first use."""

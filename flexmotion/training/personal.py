@@ -160,7 +160,8 @@ def personal_task(
 
     Args:
         run: made by `personal_run`.
-        trained: run that it began from. The denoiser that is fine-tuned is that of nobody, where it has a person.
+        trained: run that it began from. Where that is personalised itself, the denoiser before its person is
+            fine-tuned.
         data: set of the person's clips, made by `data build`.
         manner: as in `personal_run`.
         progress: called with the share of the features computed, 0 to 1.

@@ -41,7 +41,7 @@ class Answers:
         tell_unfollowed(target, state, reason, self._publish, self.on_note)
 
     def expired(self, target: Target, age_s: float) -> bool:
-        """Whether a target of an age is too old to be taken up, which is told [s]."""
+        """Whether a target of this age [s] is too old to be followed; if so, it is answered."""
         late = target.too_late(age_s)
         if late:
             self.unfollowed(target, "expired", f"no plan followed it within {target.take_up_s:g} s")
