@@ -3,9 +3,10 @@
 A joint that stands still while it should move, without a block, carries a load that changes by exactly as much as the
 torque of its servo, tick by tick. That happens for moments, where a foot strikes or a joint begins to move, and within
 dry friction. A joint that has stood still while its prediction moved by `FAR_SHARE` of its servo's usable torque and
-the servo made as much torque, and that goes on standing still for `STILL_S`, is blocked. This tells a blocked joint
-from a loaded one long before the load itself does: what a goal implies is bounded at the joint's position, so that a
-blocked joint whose plan carries a load never seems overloaded.
+the servo made as much torque, and that goes on standing still for `STILL_S` in which the prediction is elsewhere, is
+blocked. A prediction that went out and came back before the joint could follow asks for no motion any more. This tells
+a blocked joint from a loaded one long before the load itself does: what a goal implies is bounded at the joint's
+position, so that a blocked joint whose plan carries a load never seems overloaded.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ LEAST_TICKS = 20
 """Least of these motions and distances, for a servo of any stiffness: ten times what counts as standing still [servo
 units]."""
 STILL_S = 0.15
-"""Time for which a joint must go on standing still after its prediction has moved so far [s]: 3.3 times the time
-constant b / kp of OP3's servos. OP3 without a blocked joint, with its standard perturbations: at most a third of it, in
-shoulders that are set in motion. The time constant of a joint that follows with a share of its stiffness is longer by 1
-over that share, and so is this time."""
+"""Time for which a joint must go on standing still after its prediction has moved so far, counted while the prediction
+is at least half as far from the joint [s]: 3.3 times the time constant b / kp of OP3's servos. OP3 without a blocked
+joint, with its standard perturbations: at most a third of it, in shoulders that are set in motion. The time constant of
+a joint that follows with a share of its stiffness is longer by 1 over that share, and so is this time."""
 
 
 class Stillness:
@@ -101,6 +102,8 @@ class Stillness:
         late = span > self._far
         if not some(late) and not self._any_late:
             return
-        self._late += share
+        np.subtract(position, predicted, out=away)
+        np.abs(away, out=away)
+        np.add(self._late, share, out=self._late, where=away > 0.5 * self._far)
         self._late[~late] = 0.0
         self._any_late = some(self._late)

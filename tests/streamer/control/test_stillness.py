@@ -108,6 +108,31 @@ def test_a_joint_that_is_set_in_motion_may_be_late(op3: Robot) -> None:
         assert not arm.blocked
 
 
+def test_a_prediction_that_came_back_asks_for_nothing(op3: Robot) -> None:
+    """An elbow was called blocked as the robot began to mirror a walk, and the robot was parked.
+
+    Its reference went .1 rad out and back within .2 s: the servo had no time to follow, and then no reason to.
+    """
+    elbow, stands = Joint(op3, "r_el"), op3.stand_pose[op3.index("r_el")]
+    for tick in range(round(0.2 * RATE)):
+        elbow.predicted = stands + 1.2 * elbow.far * np.sin(np.pi * tick / (0.2 * RATE))
+        elbow.tick()
+        assert not elbow.blocked
+    elbow.predicted = stands
+    for _ in range(10 * TICKS):
+        elbow.tick()
+        assert not elbow.blocked
+
+
+def test_a_blocked_joint_whose_prediction_swings_is_found(op3: Robot) -> None:
+    """Its prediction comes back to it twice a swing: the time in between counts on."""
+    knee = Joint(op3)
+    for tick in range(6 * TICKS):
+        knee.predicted = op3.stand_pose[knee.joint] + 1.5 * knee.far * np.sin(2 * np.pi * 2.0 * tick / RATE)
+        knee.tick()
+    assert knee.blocked
+
+
 def test_a_soft_forearm_that_turns_around_is_late_by_its_softness(op3: Robot) -> None:
     """At a third of its stiffness it came to rest behind its goals for 0.16 s, and the robot was stopped and parked.
 
