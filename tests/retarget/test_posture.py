@@ -85,6 +85,17 @@ def test_load_share_follows_the_sway_then_fades_to_the_middle(
     assert np.abs(np.diff(share)).max() < 0.02
 
 
+def test_the_load_share_fades_in_from_the_middle_before_the_human_begins(
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
+) -> None:
+    seen, seconds = window(stand(31, lumbar_bending=0.6)), np.arange(-0.6, 0.4, 1 / 125)
+    share = quiet_share(seen, seconds, len(seconds), 31.0)
+    begun = quiet_share(seen, np.array([0.0]), 1, 31.0)[0]
+    assert share[0] == 0.5 and abs(begun - 0.5) > 0.05
+    np.testing.assert_allclose(share[seconds > 0.0], begun, atol=1e-9)
+    assert np.abs(np.diff(share)).max() < 0.004
+
+
 def test_the_follower_has_a_channel_for_each_target(retargeter: Retargeter) -> None:
     made = follower(retargeter.robot, retargeter.body)
     channels = 4 + len(retargeter.body.upper.joints)
