@@ -37,8 +37,8 @@ _STANDING_SHARE = (0.3, 0.7)
 """Bounds of the load share that follows the human's sway in double support."""
 _FADE_IN_S = 0.5
 """Time before source time 0 in which that share becomes the human's [s]: three time constants of a small robot's
-pendulum. A robot that stands has its weight between its feet, and cannot have it elsewhere at once: first steps were put
-off for it by up to 0.5 s."""
+pendulum. A robot that stands has its weight between its feet, and cannot have it elsewhere at once; first steps were
+put off for it by up to 0.5 s."""
 
 
 def follower(robot: Robot, body: WholeBody) -> Follower:
