@@ -12,6 +12,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.foot_strikes import FootStrikes
 from flexmotion.streamer.control.get_up_move import GetUpMove
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
@@ -90,6 +91,7 @@ class ControlLoop:
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.level = SwingLevel(robot, retargeter, enabled=feedback)
+        self.strikes = FootStrikes(robot, 2.0 * driver.delay_s)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
@@ -387,6 +389,10 @@ class ControlLoop:
             self.ahead.qd += self.level.speed
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
+        if self.now.balanced and not self.suspension.hung:
+            self.strikes.update(self.estimator)
+        else:
+            self.strikes.reset()
         self.commands = True
         goals = self.servo.update(
             self.ahead.q,
@@ -395,6 +401,7 @@ class ControlLoop:
             self.state,
             expected,
             stiffness=self.ahead.stiffness,
+            struck=self.strikes.change,
             slow=plan is None and playback is not Playback.GET_UP,
             impacts=playback is Playback.GET_UP,
         )

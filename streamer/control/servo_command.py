@@ -2,8 +2,9 @@
 
 A position servo makes the torque kp (goal - q) - b q'. The goal at which it makes `torque` on the reference is
 therefore q_ref + (torque + b q_ref') / kp. The goal may be far ahead of the joint. Two things are bounded: the torque
-that the goal implies at the joint's present position and speed, and the goal itself by the joint's limits. If a joint
-is outside its limits when torque is switched on, its goals begin there and from then on only move inwards.
+that the goal implies at the joint's present position and speed, with room for a foot that strikes the ground before the
+goal has arrived (`foot_strikes.py`), and the goal itself by the joint's limits. If a joint is outside its limits when
+torque is switched on, its goals begin there and from then on only move inwards.
 
 A cap lowers what the goal of a joint may imply below what its servo can give; it raises nothing.
 
@@ -28,8 +29,8 @@ Float = NDArray[np.float64]
 BRAKING_SHARE = 0.8
 """Share of the stall torque that a goal may imply while the servo brakes. The rest covers the change of the joint's
 speed in the 4 ms between its measurement and the goal's arrival (with 0.9 three goals in a million were outside the
-envelope). Less costs balance: of 21 walking clips three fell with 0.75 and swings of 6.8 m/s², none with 0.8 and 7
-m/s²."""
+envelope); what a foot that strikes changes comes on top (`FootStrikes`). Less costs balance: of 21 walking clips three
+fell with 0.75 and swings of 6.8 m/s², none with 0.8 and 7 m/s²."""
 BRAKING_SPEED = 0.3
 """Joint speed from which the braking torque is allowed in full [rad/s]. Near standstill only the usable torque is: a
 foot's impact may reverse the joint within a tick, and the goal must then still be inside the envelope."""
@@ -87,6 +88,7 @@ class ServoCommand:
         self._doubts = False  # trust is below 1 somewhere
         self._impacts = False
         self._now_and_later = np.zeros((2, 2, robot.n))
+        self._strikes: tuple[Float, Float] | None = None  # torque that strikes add to what goals imply, each way
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
         self._rejoins = np.zeros(robot.n, np.bool_)
         self._acceleration = robot.usable_torque * robot.model.dof_invweight0[robot.dof_address]
@@ -135,6 +137,7 @@ class ServoCommand:
         expected: Float | None = None,
         *,
         stiffness: Float | None = None,
+        struck: Float | None = None,
         slow: bool = False,
         impacts: bool = False,
     ) -> Float:
@@ -145,6 +148,8 @@ class ServoCommand:
             measured: the joints' state.
             expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
             stiffness: share of the robot file's that is asked for, (n,) in (0, 1]; None: all of it.
+            struck: least and greatest change of the joints' speeds by feet that may strike the ground before the goals
+                have arrived, (2, n) [rad/s]; None: no foot comes down.
             slow: the reference is a slow move, which silent joints follow for as long as it takes (a robot whose bus is
                 lost is lowered).
             impacts: the ground may stop any joint at any time: goals imply less torque while the servo brakes.
@@ -157,6 +162,7 @@ class ServoCommand:
         supply = self._supply_of(measured)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
+        self._strikes = None if struck is None else self._torque_of_strikes(struck, kp)
         usable, back = robot.usable_torque, None if expected is None else np.isfinite(expected)
         silent = some(measured.stale)
         if silent or self._doubts:
@@ -291,10 +297,18 @@ class ServoCommand:
             np.copyto(highest, nearest, where=apart)
         return lowest, highest
 
+    def _torque_of_strikes(self, struck: Float, kp: Float) -> tuple[Float, Float]:
+        """By how much strikes lower and raise the torque that a goal implies, at most, (n,) each [N·m]."""
+        per_speed = self.robot.back_emf + kp * self.delay
+        return per_speed * struck[1], -per_speed * struck[0]
+
     def _envelope(
         self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float | None
     ) -> tuple[Float, Float]:
         """Lowest and highest goal whose torque a servo may make at these positions and velocities, (..., n) each [rad].
+
+        A foot that strikes takes its share of the torque while the servo brakes: a goal that resists the strike by all
+        of it would ask for more. At most all of it, so that there is always a goal between the two.
 
         Args:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
@@ -305,10 +319,22 @@ class ServoCommand:
         drag = robot.back_emf * velocity
         if usable is None:
             most = np.minimum(np.maximum(braking, robot.usable_torque * supply), self.cap)
-            return position + (drag - most) / kp, position + (drag + most) / kp
+            lower, upper = self._struck(-most, most, braking)
+            return position + (lower + drag) / kp, position + (upper + drag) / kp
         usable = np.minimum(usable * supply, self.cap)
         more = np.minimum(braking - usable, 0.0) if self._impacts else np.maximum(braking - usable, 0.0)
         along = np.minimum(np.maximum(velocity / BRAKING_SPEED, -1.0), 1.0)
         upper = usable + more * np.maximum(-along, 0.0)
         lower = -usable - more * np.maximum(along, 0.0)
+        lower, upper = self._struck(lower, upper, braking)
         return position + (lower + drag) / kp, position + (upper + drag) / kp
+
+    def _struck(self, lower: Float, upper: Float, braking: Float) -> tuple[Float, Float]:
+        """Bounds of the torque that leave room for what strikes add, (..., n) each [N·m]."""
+        if self._strikes is None:
+            return lower, upper
+        lowers, raises = self._strikes
+        return (
+            np.maximum(lower, np.minimum(lowers - braking, 0.0)),
+            np.minimum(upper, np.maximum(braking - raises, 0.0)),
+        )

@@ -20,6 +20,7 @@ from flexmotion.spatial.transitions import minimum_jerk
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
+from flexmotion.streamer.control.servo_command import BRAKING_SHARE
 from flexmotion.streamer.control.telemetry import Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 
@@ -218,6 +219,25 @@ def test_a_blocked_arm_is_found_however_soft_it_is(
     driver.block(robot.index("l_sho_pitch"), True)
     until(lambda: loop.ladder.state is not State.STREAMING)
     assert loop.ladder.fault is not None and "does not follow its goals" in loop.ladder.fault
+
+
+def test_goals_of_a_walk_leave_room_for_the_foot_that_is_about_to_strike(
+    loop: ControlLoop, run: Callable[..., None], ready: None, retargeter: Retargeter, op3: Robot
+) -> None:
+    """The loop foresees the landings of a step, and no goal asks for more once a foot has struck."""
+    assert not loop.strikes.change.any()
+    plan = offer(loop, retargeter.plan(retargeter.standing(), default_clip()[240:290], 0, loop.tick_count))
+    struck = set()
+    for _ in range(len(plan)):
+        run(1)
+        slower, faster = loop.strikes.change
+        struck |= {name for name, flexed in (("l_knee", faster), ("r_knee", -slower)) if flexed[op3.index(name)] > 0.1}
+        measured = loop.state
+        implied = op3.kp * (loop.servo.goal - measured.position) - op3.back_emf * measured.velocity
+        per_speed = op3.back_emf + op3.kp * loop.driver.delay_s
+        assert (implied - per_speed * faster >= -BRAKING_SHARE * op3.stall_torque - 0.05).all()
+        assert (implied - per_speed * slower <= BRAKING_SHARE * op3.stall_torque + 0.05).all()
+    assert struck
 
 
 @pytest.mark.parametrize("plan", [False, True])

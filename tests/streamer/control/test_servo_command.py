@@ -77,6 +77,52 @@ def test_the_goal_of_a_robot_that_gets_up_is_inside_also_for_a_joint_that_the_fl
     assert (np.abs(implied[inside]) <= STOPPED_SHARE * (ROBOT.stall_torque * supply)[inside] + 1e-9).all()
 
 
+@given(
+    q=each(-4, 4),
+    torque=each(-10, 10),
+    share=each(0, 1),
+    velocity=each(-4, 4),
+    faster=each(-1, 1),
+    change=each(-1.5, 1.5),
+    voltage=st.sampled_from([9.5, 11, 12]),
+    begins=st.booleans(),
+)
+def test_a_goal_is_inside_also_for_a_joint_that_a_striking_foot_makes_faster(
+    q: np.ndarray,
+    torque: np.ndarray,
+    share: np.ndarray,
+    velocity: np.ndarray,
+    faster: np.ndarray,
+    change: np.ndarray,
+    voltage: float,
+    begins: bool,
+) -> None:
+    """A knee was to resist with .8 of the stall torque, and its heel struck: the goal implied 1.08 as it arrived."""
+    position = ROBOT.lower + share * (ROBOT.upper - ROBOT.lower)
+    struck = np.stack([np.minimum(change, 0.0), np.maximum(change, 0.0)])
+    command = ServoCommand(ROBOT, DELAY)
+    command.reset(position)
+    for speed in (velocity - faster, velocity):
+        if begins:
+            command.rejoin()  # what a disturbance leaves in the goals is bounded as well
+        command.update(q, np.zeros(N), torque, measured(position, speed, voltage), struck=struck)
+    supply = voltage / ROBOT.nominal_voltage
+    implied = ROBOT.kp * supply * (command.goal - position) - ROBOT.back_emf * velocity
+    added = -(ROBOT.back_emf + ROBOT.kp * supply * DELAY) * change  # by the strike, which also moves the joint
+    inside = (command.goal > ROBOT.lower) & (command.goal < ROBOT.upper)
+    peak = BRAKING_SHARE * ROBOT.stall_torque * supply
+    assert (np.abs(implied + added)[inside] <= peak[inside] + 1e-9).all()
+
+
+def test_no_strike_gives_the_goals_of_a_command_that_knows_of_none() -> None:
+    state, speed = measured(ROBOT.stand_pose + 0.1, np.full(N, 1.0), 12.0), np.full(N, 0.4)
+    one, other = ServoCommand(ROBOT, DELAY), ServoCommand(ROBOT, DELAY)
+    for _ in range(3):
+        one.update(ROBOT.stand_pose, speed, 5.0 * speed, state)
+        other.update(ROBOT.stand_pose, speed, 5.0 * speed, state, struck=np.zeros((2, N)))
+        np.testing.assert_array_equal(one.goal, other.goal)
+
+
 @given(position=each(-0.2, 0.2), velocity=each(-1, 1), torque=each(-1.5, 1.5), voltage=st.sampled_from([None, 10.5]))
 def test_the_servo_makes_the_torque_of_the_reference(
     position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, voltage: float | None
