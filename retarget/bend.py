@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
 
@@ -44,26 +44,27 @@ class TrunkBend:
 
     def __init__(self, robot: Robot, body: WholeBody) -> None:
         self.heights = np.linspace(robot.gait.min_hip_height, robot.gait.stand_hip_height, _HEIGHTS)
-        self.balanced = np.array(
-            [[self._most(robot, body, height, sign) for sign in (-1.0, 1.0)] for height in self.heights]
-        )
+        self.balanced = self._steepest(robot, body)
         self.limit = robot.safety.fall_tilt - _FALL_MARGIN
 
-    def _most(self, robot: Robot, body: WholeBody, height: float, sign: float) -> float:
-        """Greatest pitch to one side at one height of the hips [rad]: by bisection, as deeper is harder."""
-        low, high = 0.0, _STEEPEST
-        channels = np.concatenate([[height, 0.0, 0.0, 0.0], robot.stand_pose[body.upper.joints]])[None]
-        while high - low > _PRECISION:
+    def _steepest(self, robot: Robot, body: WholeBody) -> Float:
+        """Least and greatest pitch at each height, (H, 2) [rad]: by bisection, all at once, as deeper is harder."""
+        height, sign = (a.ravel() for a in np.meshgrid(self.heights, (-1.0, 1.0), indexing="ij"))
+        rows = len(height)
+        low, high = np.zeros(rows), np.full(rows, _STEEPEST)
+        feet, com = np.broadcast_to(body.home_feet, (rows, 2, 4)), np.zeros((rows, 2))
+        channels = np.zeros((rows, len(POSTURE) + len(body.upper.joints)))
+        channels[:, POSTURE.index("height")] = height
+        channels[:, len(POSTURE) :] = robot.stand_pose[body.upper.joints]
+        while (high - low).max() > _PRECISION:
             middle = 0.5 * (low + high)
-            channels[0, 2] = sign * middle
-            base, q, _, short = body.solve(body.home_feet[None], np.zeros((1, 2)), channels, np.zeros(2), _PASSES)
-            away = np.linalg.norm(body.dynamics.centre_of_mass(base, q)[0, :2])
-            within = ((q >= robot.lower) & (q <= robot.upper)).all()
-            if within and away <= _ERROR and short.max() <= _MISSING_LEG:
-                low = middle
-            else:
-                high = middle
-        return sign * low
+            channels[:, POSTURE.index("pitch")] = sign * middle
+            base, q, _, short = body.solve(feet, com, channels, np.zeros(2), _PASSES, smooth=False)
+            away = np.linalg.norm(body.dynamics.centre_of_mass(base, q)[:, :2], axis=1)
+            within = ((q >= robot.lower) & (q <= robot.upper)).all(axis=1)
+            stands = within & (away <= _ERROR) & (short <= _MISSING_LEG)
+            low, high = np.where(stands, middle, low), np.where(stands, high, middle)
+        return (sign * low).reshape(-1, 2)
 
     def bounds(self, height: Float) -> tuple[Float, Float]:
         """Least and greatest pitch for plans at hip heights (T,) [m], (T,) and (T,) [rad]."""

@@ -231,11 +231,13 @@ class SimProcess(SimulatedDriver):
         except DriverError as error:
             opened.send(error)
             return
-        sensed, state = RobotState(self.robot.n), _StateRow(np.zeros((), self._states.dtype))
+        sensed, row = RobotState(self.robot.n), np.zeros((), self._states.dtype)
+        # Views, looked up once: a field of a record costs as much as the physics of a step.
+        cells = dict(_StateRow(row))
         priority.settle(collect=False)
         priority.claim(priority.ROBOT_PRIORITY, allowed=self._realtime)
         ticker = Ticker(QUANTUM_S)
-        self._publish(sensed, state, ticker.deadline_ns, 0.0, 0.0)
+        self._publish(sensed, row, cells, ticker.deadline_ns, 0.0, 0.0)
         opened.send(None)
         steps_a_tick = max(round(1.0 / (self.robot.rate_hz * QUANTUM_S)), 1)
         worst, step, ended = [0.0, 0.0], 0, False
@@ -248,7 +250,7 @@ class SimProcess(SimulatedDriver):
             worst[0] = max(worst[0], late)
             if step % steps_a_tick == 0:
                 worst = [0.0, worst[0]]
-            self._publish(sensed, state, ticker.deadline_ns, late, max(worst))
+            self._publish(sensed, row, cells, ticker.deadline_ns, late, max(worst))
         simulation.close()
 
     def _simulate(self, sent: NDArray[np.void], steps: int, due_ns: int) -> bool:
@@ -288,19 +290,33 @@ class SimProcess(SimulatedDriver):
             simulation.reboot(row.which == 1)
         return kind == _END
 
-    def _publish(self, sensed: RobotState, state: _StateRow, now_ns: int, late_s: float, worst_late_s: float) -> None:
+    def _publish(
+        self,
+        sensed: RobotState,
+        row: NDArray[np.void],
+        cells: dict[str, NDArray[Any]],
+        now_ns: int,
+        late_s: float,
+        worst_late_s: float,
+    ) -> None:
         """Send the state, stamped with the moment that it is of.
 
         Joints that a late process has caught up with have moved for as long as was simulated, not for as long as that
         took.
+
+        Args:
+            sensed: is overwritten.
+            row, cells: a `_StateRow` and views of its fields, overwritten.
+            now_ns: the moment [ns]; late_s, worst_late_s: see `lateness_s`.
         """
         simulation = self.simulation
         simulation.read(sensed)
         for name in _STATE:
-            setattr(state, name, getattr(sensed, name))
-        state.stamp_ns[...], state.imu_stale[...] = now_ns, sensed.imu_stale
-        state.violations[...], state.late_s[...], state.worst_late_s[...] = simulation.violations, late_s, worst_late_s
+            cells[name][...] = getattr(sensed, name)
+        cells["stamp_ns"][...], cells["imu_stale"][...] = now_ns, sensed.imu_stale
+        cells["violations"][...] = simulation.violations
+        cells["late_s"][...], cells["worst_late_s"][...] = late_s, worst_late_s
         truth = simulation.truth()
         for name in _TRUTH:
-            setattr(state, name, getattr(truth, name))
-        self._states.publish(np.asarray(state.array))
+            cells[name][...] = getattr(truth, name)
+        self._states.publish(row)

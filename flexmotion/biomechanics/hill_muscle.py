@@ -16,8 +16,9 @@ from functools import lru_cache
 from importlib import resources
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
+
+from flexmotion.configs.schema import yaml_content
 
 Float = NDArray[np.float64]
 
@@ -92,7 +93,7 @@ def force_velocity(speed: Float) -> Float:
 @lru_cache(maxsize=1)
 def _table() -> dict[str, tuple[float, float, float, float]]:
     text = resources.files("flexmotion").joinpath("data", "leg_muscles.yaml").read_text(encoding="utf-8")
-    found: dict[str, tuple[float, float, float, float]] = yaml.safe_load(text)
+    found: dict[str, tuple[float, float, float, float]] = yaml_content(text)
     return found
 
 

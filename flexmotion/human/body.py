@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any, Literal, get_args
 
-import yaml
+from flexmotion.configs.schema import yaml_content
 
 Sex = Literal["male", "female"]
 
@@ -169,5 +169,5 @@ class Body:
 @lru_cache
 def _data(name: str) -> Mapping[str, Any]:
     text = resources.files("flexmotion").joinpath("data", name).read_text(encoding="utf-8")
-    table: Mapping[str, Any] = yaml.safe_load(text)
+    table: Mapping[str, Any] = yaml_content(text)
     return table

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from flexmotion.configs.errors import ConfigError, MotionFormatError
-from flexmotion.configs.schema import Strict, load
+from flexmotion.configs.schema import Strict, load, yaml_content
 from flexmotion.human.skeleton import SIDES
 from flexmotion.importers.marker_landmarks import LANDMARKS
 
@@ -257,7 +256,7 @@ def guess_mapping(names: tuple[str, ...], path: str) -> SkeletonMapping:
 @lru_cache
 def _synonyms() -> dict[str, list[str]]:
     text = resources.files("flexmotion").joinpath("data", "joint_names.yaml").read_text(encoding="utf-8")
-    synonyms: dict[str, list[str]] = yaml.safe_load(text)
+    synonyms: dict[str, list[str]] = yaml_content(text)
     return synonyms
 
 

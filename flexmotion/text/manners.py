@@ -7,7 +7,7 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-import yaml
+from flexmotion.configs.schema import yaml_content
 
 NORMAL = "normal"
 """The manner of a request that says none."""
@@ -16,7 +16,7 @@ NORMAL = "normal"
 @lru_cache
 def _file() -> Mapping[str, Any]:
     text = resources.files("flexmotion").joinpath("data", "manners.yaml").read_text(encoding="utf-8")
-    content: Mapping[str, Any] = yaml.safe_load(text)
+    content: Mapping[str, Any] = yaml_content(text)
     return content
 
 

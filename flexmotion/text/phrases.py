@@ -7,8 +7,7 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-import yaml
-
+from flexmotion.configs.schema import yaml_content
 from flexmotion.text.sides import mirrored, sides
 
 STAND, WALK, BACK = "stand", "walk", "walk-back"
@@ -20,7 +19,7 @@ TURNS = "walk-turn-left", "walk-turn-right"
 @lru_cache
 def _table() -> Mapping[str, Any]:
     text = resources.files("flexmotion").joinpath("data", "phrases.yaml").read_text(encoding="utf-8")
-    rows: dict[str, Any] = yaml.safe_load(text)["kinds"]
+    rows: dict[str, Any] = yaml_content(text)["kinds"]
     table: dict[str, Any] = {}
     for kind, row in rows.items():
         table[kind] = row

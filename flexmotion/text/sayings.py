@@ -10,6 +10,7 @@ from pathlib import Path
 import yaml
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import yaml_content
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sides import mirrored, sides
 
@@ -24,7 +25,7 @@ def sayings() -> tuple[tuple[str, str], ...]:
     A sentence that names a side comes with its mirror image, in which left and right are swapped.
     """
     text = resources.files("flexmotion").joinpath("data", "sayings.yaml").read_text(encoding="utf-8")
-    return _with_mirror_images([*_rows(yaml.safe_load(text)), *((kind, w) for kind in kinds() for w in wordings(kind))])
+    return _with_mirror_images([*_rows(yaml_content(text)), *((kind, w) for kind in kinds() for w in wordings(kind))])
 
 
 def read_sayings(path: Path) -> tuple[tuple[str, str], ...]:

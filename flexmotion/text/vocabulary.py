@@ -7,8 +7,7 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any, Literal
 
-import yaml
-
+from flexmotion.configs.schema import yaml_content
 from flexmotion.text import phrases
 
 Quantity = Literal["angle", "length", "steps", "time", "times"]
@@ -45,7 +44,7 @@ class Vocabulary:
 def vocabulary() -> Vocabulary:
     """The shipped words."""
     text = resources.files("flexmotion").joinpath("data", "grammar.yaml").read_text(encoding="utf-8")
-    table: dict[str, Any] = yaml.safe_load(text)
+    table: dict[str, Any] = yaml_content(text)
     units: dict[str, tuple[Quantity, float]] = {
         name: (quantity, float(size)) for quantity, sizes in table["units"].items() for name, size in sizes.items()
     }

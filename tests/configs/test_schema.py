@@ -15,6 +15,8 @@ class Engine(Strict):
     ("text", "says"),
     [
         ("power: [1", "not valid YAML"),
+        # Regression: it ended the program with a RecursionError.
+        ("power: " + 5000 * "[", "not valid YAML"),
         ("- power", "expected a mapping of fields, found list"),
         ("", "expected a mapping of fields, found NoneType"),
         ("power: fast", "field power: Input should be a valid number"),

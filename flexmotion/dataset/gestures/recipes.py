@@ -6,11 +6,10 @@ from functools import lru_cache
 from importlib import resources
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import AfterValidator, Field, model_validator
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.schema import Strict, parse
+from flexmotion.configs.schema import Strict, parse, yaml_content
 
 FILE = "gestures.yaml"
 
@@ -178,7 +177,7 @@ class Recipes(Strict):
 def recipes() -> tuple[Gesture, ...]:
     """The shipped gestures, in the order of the file."""
     text = resources.files("flexmotion").joinpath("data", FILE).read_text(encoding="utf-8")
-    found = parse(Recipes, yaml.safe_load(text), FILE).gestures
+    found = parse(Recipes, yaml_content(text), FILE).gestures
     kinds = [gesture.kind for gesture in found]
     if len(set(kinds)) < len(kinds):
         raise ConfigError(f"{FILE}: a kind is there twice")
