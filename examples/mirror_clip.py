@@ -3,6 +3,8 @@
 flexmotion dry-run --mirror --view                  (in one terminal)
 python examples/mirror_clip.py walk.bvh             (in another one)
 python examples/mirror_clip.py walk.bvh mediapipe   (as MediaPipe's landmarks instead of named joints)
+
+Without a clip at hand, the model makes one: python examples/sample_motion.py "walk forward" walk.npz
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ def main(file: str, protocol: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
+    if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
         sys.exit(__doc__)
-    main(sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else "joints")
+    try:
+        main(sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else "joints")
+    except fm.FlexMotionError as error:
+        sys.exit(str(error))

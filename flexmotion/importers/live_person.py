@@ -20,12 +20,12 @@ from flexmotion.human.motion import Motion
 from flexmotion.importers.body_size import with_mass
 from flexmotion.importers.fit import Measures, measure, posed
 from flexmotion.importers.frame import Frame, Skeleton, capture_of
-from flexmotion.importers.frame_check import FrameCheck, leg_length
+from flexmotion.importers.frame_check import FASTEST, FrameCheck, leg_length
 from flexmotion.importers.hip_path import HipPath
 from flexmotion.importers.landmarks import all_landmarks
 from flexmotion.importers.mapping import OPTIONAL_POINTS, SkeletonMapping, find_mapping, markers
 from flexmotion.importers.one_euro import OneEuro
-from flexmotion.importers.units import METRES, TO_Z_UP
+from flexmotion.importers.units import LEG, METRES, TO_Z_UP
 
 Float = NDArray[np.float64]
 
@@ -42,11 +42,18 @@ WINDOW = 9
 STILL_HZ, HZ_PER_SPEED = 4.0, 10.0
 """Cut-off of positions at rest [Hz], and what speed adds to it [Hz per m/s] (docs/decisions.md)."""
 
-REASONS = (
-    *("late", "too fast", "a leg is not seen", "no human", "another body", "another skeleton"),
-    *("sides exchanged", "a jump"),
-)
-"""Why frames are not used, by which they are counted."""
+REASONS = {
+    "late": "it came after a newer one",
+    "too fast": f"it is less than {1e3 * CLOSEST_S:g} ms after the one before",
+    "a leg is not seen": "hips, knees, ankles and toes of both sides are needed",
+    "no human": f"legs are {LEG.low:g} to {LEG.high:g} m long: are the units right?",
+    "another body": f"a person whose legs are longer or shorter is measured once seen for {RENEW_S:g} s",
+    "another skeleton": f"it is read once seen for {RENEW_S:g} s",
+    "not upright": "the shoulders are not above the feet: is `up` right, is the camera the right way up?",
+    "sides exchanged": "left and right joints were exchanged",
+    "a jump": f"a joint went faster than {FASTEST:g} m/s",
+}
+"""Why frames are not used, by which they are counted, and what would be right."""
 _OTHER = ("another body", "another skeleton")
 """Reasons that, where they last, mean another person. After jumps and exchanged sides the poses begin anew with the gap
 that they leave."""
@@ -157,6 +164,9 @@ class LivePerson:
 
     def _refuse(self, frame: Frame, time_s: float, reason: str) -> list[LivePose]:
         self.refused[reason] += 1
+        if reason == "not upright":
+            # The body is measured from an unbroken second: somebody who lies seems upright in some frames of a motion.
+            self._first = []
         if reason not in _OTHER:
             return []
         if self._others_since is None or time_s < self._others_since:

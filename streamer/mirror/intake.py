@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from flexmotion.configs.errors import FlexMotionError, FrameError
-from flexmotion.importers.live_person import LivePerson
+from flexmotion.importers.live_person import REASONS, LivePerson
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.mirror.frame_reader import FrameReader
 from flexmotion.streamer.mirror.sender_clock import SenderClock
@@ -50,6 +50,8 @@ class Intake:
             now_s: when it arrived, on the clock of the poses [s].
         """
         if not self.senders.admits(datagram, address, now_s):
+            if self.senders.refused["second sender"]:
+                self._tell("mirror: a second sender is not read until the first is silent")
             return
         try:
             frames = self._reader.take(datagram)
@@ -71,7 +73,15 @@ class Intake:
                 continue
             for pose in poses:
                 self._channel.publish(PersonPose(pose.stream, pose.time_s, now_s, pose.motion))
+            if not poses:
+                self._tell_left_out()
             self._tell_state(poses[-1].motion.body.height if poses else None)
+
+    def _tell_left_out(self) -> None:
+        """Say of each reason, once, that frames are left out for it; a network delays some, which is nothing new."""
+        for reason, meaning in REASONS.items():
+            if self.person.refused[reason] and reason not in ("late", "too fast"):
+                self._tell(f"mirror: frames are left out ({reason}): {meaning}")
 
     def _tell_state(self, height: float | None) -> None:
         if self.person.trouble is not None:

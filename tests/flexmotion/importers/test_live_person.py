@@ -92,6 +92,8 @@ def test_late_frames_and_floods_are_left_out(frames):
         ("no human", lambda p: 0.1 * p),
         ("no human", lambda p: np.full_like(p, 1e300)),
         ("another body", lambda p: 1.4 * p),
+        ("not upright", lambda p: p * [1.0, 1.0, -1.0]),
+        ("not upright", lambda p: p[:, [2, 1, 0]]),
         ("sides exchanged", lambda p: p[[0, 1, *np.arange(2, len(p)).reshape(-1, 2)[:, ::-1].ravel()]]),
         ("a jump", lambda p: p + [3.0, 0.0, 0.0]),
         ("a jump", lambda p: p + 1.0 * (np.arange(len(p))[:, None] == NAMES.index("right_wrist"))),
@@ -107,6 +109,36 @@ def test_a_frame_that_cannot_be_the_person_is_refused(frames, reason, change):
     # The poses go on, over the frame that is missing.
     assert after[0].stream == before[-1].stream
     assert after[0].time_s - before[-1].time_s == pytest.approx(1.0 / 30.0)
+
+
+@pytest.mark.parametrize("turned", [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0]])
+def test_a_person_upside_down_is_never_followed(frames, turned):
+    """A camera that was mounted upside down made the robot fall: its person was followed, head below the feet."""
+    person = LivePerson()
+    assert played(person, frames * turned) == [] and not person.measured
+    assert person.refused["not upright"] == len(frames)
+
+
+@pytest.mark.parametrize("up", ["x", "y"])
+def test_joints_with_another_axis_up_than_said_are_never_followed(frames, up):
+    """Joints with z up that were sent without `up` were followed, and tilted the robot."""
+    order = {"x": [2, 1, 0], "y": [0, 2, 1]}[up]
+    person = LivePerson()
+    assert played(person, frames[..., order]) == [] and not person.measured
+
+
+def test_a_person_who_crouches_and_bows_is_followed(frames):
+    person, down = LivePerson(), frames[:150].copy()
+    played(person, down[:90])
+    trunk = [NAMES.index(name) for name in ("neck", "head", "left_shoulder", "right_shoulder")]
+    for number, positions in enumerate(down[90:], 1):
+        hips = 0.5 * (at(positions, "left_hip") + at(positions, "right_hip"))
+        sunk = min(0.005 * number, 0.25)
+        for row in trunk:
+            positions[row, 2] -= 2 * sunk * (positions[row, 2] - hips[2])
+            positions[row, 0] += sunk
+    assert len(played(person, down[90:], 90 / FPS)) >= 25
+    assert person.refused["not upright"] == 0
 
 
 def test_after_a_gap_a_new_stream_begins_with_the_same_body(frames):

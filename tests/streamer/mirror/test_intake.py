@@ -1,0 +1,67 @@
+"""What the operator is told of frames that are left out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from benchmarks.shared.wire import SENDER
+from flexmotion.importers.live_person import REASONS
+from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.mirror.clip_frames import clip_frames
+from flexmotion.streamer.mirror.intake import Intake
+from flexmotion.streamer.motion.person_channel import PersonChannel
+from tests.streamer.mirror.mirror_frames import shipped
+
+OTHER = ("127.0.0.1", 50001)
+Frame = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[tuple[float, Frame]]:
+    return [(at, json.loads(datagram)) for at, datagram in clip_frames(shipped(1.0))]
+
+
+def without_knee(frame: Frame) -> Frame:
+    return {**frame, "joints": {**frame["joints"], "left_knee": None}}
+
+
+def in_millimetres(frame: Frame) -> Frame:
+    return {**frame, "joints": {name: [1e3 * value for value in at] for name, at in frame["joints"].items()}}
+
+
+def without_up(frame: Frame) -> Frame:
+    return {name: value for name, value in frame.items() if name != "up"}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason", "word"),
+    [
+        (without_knee, "a leg is not seen", "knees"),
+        (in_millimetres, "no human", "units"),
+        (without_up, "not upright", "`up`"),
+    ],
+)
+def test_frames_that_are_left_out_are_named_once_and_say_what_would_be_right(
+    frames: list[tuple[float, Frame]], change: Callable[[Frame], Frame], reason: str, word: str
+) -> None:
+    """Whoever sent millimetres, or the wrong axis up, saw a robot that stood, and no word of why."""
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+    for at, frame in frames:
+        intake.take(json.dumps(change(frame)).encode(), SENDER, at)
+    assert intake.person.refused[reason] == len(frames)
+    (note,) = [note for note in notes if "left out" in note]
+    assert reason in note and word in note and REASONS[reason] in note
+
+
+def test_a_second_sender_is_named_once(frames: list[tuple[float, Frame]]) -> None:
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+    for at, frame in frames:
+        for sender in (SENDER, OTHER):
+            intake.take(json.dumps(frame).encode(), sender, at)
+    assert sum("second sender" in note for note in notes) == 1
