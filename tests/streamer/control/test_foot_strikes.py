@@ -81,7 +81,7 @@ def test_the_goal_of_a_knee_is_inside_the_envelope_when_the_heel_strikes_while_t
     """The knee yielded and slowed down; its goal implied .8 of the stall torque then, and 1.08 4 ms later."""
     change = foreseen(estimated(Q, QD, TORSO, GYRO))
     assert implied_by_the_goal(None) < -1.0
-    assert implied_by_the_goal(change) > -0.85
+    assert implied_by_the_goal(change) > -0.95
 
 
 def test_a_heel_that_strikes_flexes_the_knee_and_stops_the_ankle() -> None:
