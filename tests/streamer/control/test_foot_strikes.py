@@ -145,9 +145,9 @@ def test_a_strike_changes_the_joints_as_in_the_simulator(tilt: float, speed: flo
     mujoco.mj_step(model, data, 30)  # 3 ms: the contact is over, the motion of the joints has hardly changed
     change = data.qvel[ROBOT.dof_address] - before
     assert abs(change[KNEE]) > 0.04 and abs(change[ANKLE]) > 0.1
-    for joint in (KNEE, ANKLE):
-        found = most[joint] if change[joint] > 0.0 else least[joint]
-        assert found == pytest.approx(change[joint], rel=0.25, abs=0.1)
+    for number in (KNEE, ANKLE):
+        found = most[number] if change[number] > 0.0 else least[number]
+        assert found == pytest.approx(change[number], rel=0.25, abs=0.1)
 
 
 def test_a_reading_that_is_no_number_foresees_nothing() -> None:
