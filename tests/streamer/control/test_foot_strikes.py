@@ -60,7 +60,7 @@ def estimated(q: np.ndarray, qd: np.ndarray, torso: tuple[float, ...] = UPRIGHT,
 
 
 def foreseen(estimator: Estimator) -> np.ndarray:
-    strikes = FootStrikes(ROBOT, 2.0 * DELAY)
+    strikes = FootStrikes(ROBOT, DELAY)
     strikes.update(estimator)
     return strikes.change.copy()
 
