@@ -91,7 +91,7 @@ class ControlLoop:
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.level = SwingLevel(robot, retargeter, enabled=feedback)
-        self.strikes = FootStrikes(robot, 2.0 * driver.delay_s)
+        self.strikes = FootStrikes(robot, driver.delay_s)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)

@@ -40,7 +40,8 @@ XM430-W350: 1.8 N·m). With `BRAKING_SHARE` two goals in 20 rises from the front
 
 STOPPED_SHARE = 0.9
 """Most that the goal of a robot that gets up implies for a joint that is stopped under way, over the stall torque: the
-joint goes on for a moment. In one of 40 rises the floor stopped a hip from 3.8 rad/s in a tick, with 1.3 times it."""
+joint goes on for a moment. In one of 40 rises the floor stopped a hip from 3.8 rad/s in a tick, with 1.3 times it. The
+same for joints of a robot that walks once a foot has struck as foreseen; strikes add up to .4 N·m more than that."""
 CAP_RISE_S = 0.2
 """Time in which a cap rises to the stall torque [s]: as long as a soft joint takes to become stiff."""
 
@@ -307,8 +308,8 @@ class ServoCommand:
     ) -> tuple[Float, Float]:
         """Lowest and highest goal whose torque a servo may make at these positions and velocities, (..., n) each [rad].
 
-        A foot that strikes takes its share of the torque while the servo brakes: a goal that resists the strike by all
-        of it would ask for more. At most all of it, so that there is always a goal between the two.
+        What a foot that strikes adds is left free: at most all that the servo gives, so that there is always a goal
+        between the two.
 
         Args:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
@@ -319,22 +320,20 @@ class ServoCommand:
         drag = robot.back_emf * velocity
         if usable is None:
             most = np.minimum(np.maximum(braking, robot.usable_torque * supply), self.cap)
-            lower, upper = self._struck(-most, most, braking)
+            lower, upper = self._struck(-most, most, robot.stall_torque * supply)
             return position + (lower + drag) / kp, position + (upper + drag) / kp
         usable = np.minimum(usable * supply, self.cap)
         more = np.minimum(braking - usable, 0.0) if self._impacts else np.maximum(braking - usable, 0.0)
         along = np.minimum(np.maximum(velocity / BRAKING_SPEED, -1.0), 1.0)
         upper = usable + more * np.maximum(-along, 0.0)
         lower = -usable - more * np.maximum(along, 0.0)
-        lower, upper = self._struck(lower, upper, braking)
+        lower, upper = self._struck(lower, upper, robot.stall_torque * supply)
         return position + (lower + drag) / kp, position + (upper + drag) / kp
 
-    def _struck(self, lower: Float, upper: Float, braking: Float) -> tuple[Float, Float]:
-        """Bounds of the torque that leave room for what strikes add, (..., n) each [N·m]."""
+    def _struck(self, lower: Float, upper: Float, stall: Float) -> tuple[Float, Float]:
+        """Bounds of the torque that leave room for what strikes add, (..., n) each [N·m]; `stall` at this supply."""
         if self._strikes is None:
             return lower, upper
+        most = np.minimum(STOPPED_SHARE * stall, self.cap)
         lowers, raises = self._strikes
-        return (
-            np.maximum(lower, np.minimum(lowers - braking, 0.0)),
-            np.minimum(upper, np.maximum(braking - raises, 0.0)),
-        )
+        return np.maximum(lower, np.minimum(lowers - most, 0.0)), np.minimum(upper, np.maximum(most - raises, 0.0))

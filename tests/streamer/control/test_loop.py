@@ -20,7 +20,7 @@ from flexmotion.spatial.transitions import minimum_jerk
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
-from flexmotion.streamer.control.servo_command import BRAKING_SHARE
+from flexmotion.streamer.control.servo_command import STOPPED_SHARE
 from flexmotion.streamer.control.telemetry import Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 
@@ -235,8 +235,8 @@ def test_goals_of_a_walk_leave_room_for_the_foot_that_is_about_to_strike(
         measured = loop.state
         implied = op3.kp * (loop.servo.goal - measured.position) - op3.back_emf * measured.velocity
         per_speed = op3.back_emf + op3.kp * loop.driver.delay_s
-        assert (implied - per_speed * faster >= -BRAKING_SHARE * op3.stall_torque - 0.05).all()
-        assert (implied - per_speed * slower <= BRAKING_SHARE * op3.stall_torque + 0.05).all()
+        assert (implied - per_speed * faster >= -STOPPED_SHARE * op3.stall_torque - 0.05).all()
+        assert (implied - per_speed * slower <= STOPPED_SHARE * op3.stall_torque + 0.05).all()
     assert struck
 
 

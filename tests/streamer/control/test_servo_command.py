@@ -110,7 +110,7 @@ def test_a_goal_is_inside_also_for_a_joint_that_a_striking_foot_makes_faster(
     implied = ROBOT.kp * supply * (command.goal - position) - ROBOT.back_emf * velocity
     added = -(ROBOT.back_emf + ROBOT.kp * supply * DELAY) * change  # by the strike, which also moves the joint
     inside = (command.goal > ROBOT.lower) & (command.goal < ROBOT.upper)
-    peak = BRAKING_SHARE * ROBOT.stall_torque * supply
+    peak = STOPPED_SHARE * ROBOT.stall_torque * supply
     assert (np.abs(implied + added)[inside] <= peak[inside] + 1e-9).all()
 
 
