@@ -208,3 +208,11 @@ def bundle(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     from flexmotion.training.export import export
 
     return export(trained, tmp_path_factory.mktemp("bundle") / "stream", distilled=True)
+
+
+@pytest.fixture(scope="session")
+def undistilled(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """The diffusion model of fifty steps, exported."""
+    from flexmotion.training.export import export
+
+    return export(trained, tmp_path_factory.mktemp("undistilled") / "stream", distilled=False)
