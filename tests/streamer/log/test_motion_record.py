@@ -33,7 +33,7 @@ def op3() -> Robot:
 
 def logged(hidden: Robot, joint: int, goals: np.ndarray[Any, Any], template: Log) -> Log:
     """What a log says of a robot that hangs and moves one joint, in lockstep."""
-    driver = SimDriver(hidden, options=SimOptions(suspended=True, timestep=0.001))
+    driver = SimDriver(hidden, options=SimOptions(suspended=True, timestep=0.0005))
     state, command = RobotState(hidden.n), JointCommand(hidden.n)
     servo = hidden.servos[joint]
     unit = (servo.current_unit or 0.0) * (servo.torque_constant or 0.0)
@@ -71,8 +71,8 @@ def test_hidden_figures_are_found_in_a_log(op3: Robot, tmp_path: Path) -> None:
 
 
 def test_a_log_of_slow_motion_shows_no_inertia_and_names_what_would(op3: Robot, tmp_path: Path) -> None:
-    joint, time = op3.index("l_knee"), np.arange(0.0, 10.0, 1.0 / op3.rate_hz)
-    goals = op3.stand_pose[joint] + 0.4 * np.sin(2 * np.pi * 0.1 * time)
+    joint, time = op3.index("l_knee"), np.arange(0.0, 16.0, 1.0 / op3.rate_hz)
+    goals = op3.stand_pose[joint] + 0.4 * np.sin(2 * np.pi * 0.08 * time)
     log = logged(hide(op3, "l_knee", tmp_path, FIGURES), joint, goals, read_log(LOG))
     found = identify(op3, joint, motion_record(log, op3, joint), "2026-11-23")
     assert "quick reversals show it" in found.refused["armature"]
