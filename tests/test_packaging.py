@@ -148,8 +148,8 @@ class Environment:
 
 
 def _plain_environment() -> dict[str, str]:
-    """Environment variables, without those by which Python finds packages elsewhere."""
-    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
+    """Environment variables, without those by which Python finds packages elsewhere or compiles them with every run."""
+    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__", "PYTHONDONTWRITEBYTECODE")
     return {name: value for name, value in os.environ.items() if name not in hidden}
 
 

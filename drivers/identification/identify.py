@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.identification import Figure, Identification, IdentifiedFigure, IdentifiedServo
 from flexmotion.configs.robot import Robot
@@ -76,6 +78,7 @@ def identify(robot: Robot, joint: int, record: RobotRecord, date: str) -> Identi
             f"joint {name!r}: was not measured with its torque on for {LEAST_STRETCH_S:g} s without a gap: nothing to "
             "identify from"
         )
+    _refuse_at_rest(robot, joint, float(np.std(np.concatenate([each.position[each.compared] for each in stretches]))))
     estimate = Fit(robot, joint, stretches).solve()
     _refuse_unexplained(robot, joint, estimate)
     servo, figures, refused = robot.servos[joint], {}, {}
@@ -145,12 +148,21 @@ def _undetermined(figure: Figure, value: float, uncertainty: float, servo: Servo
     return None
 
 
+def _servo_of(robot: Robot, joint: int) -> str:
+    """How messages call the servo of a joint."""
+    return f"servo of {robot.joints[joint].name} (id {robot.joints[joint].id})"
+
+
+def _refuse_at_rest(robot: Robot, joint: int, motion: float) -> None:
+    """Raise `DriverError` if the joint hardly moved; motion: RMS around its mean [rad]."""
+    if motion < 2.0 * float(robot.tick_rad[joint]):
+        raise DriverError(f"{_servo_of(robot, joint)}: hardly moved ({motion:.4f} rad RMS): nothing to identify from")
+
+
 def _refuse_unexplained(robot: Robot, joint: int, estimate: Estimate) -> None:
     """Raise `DriverError` if the servo plant does not explain the motion."""
-    config, tick = robot.joints[joint], float(robot.tick_rad[joint])
-    where = f"servo of {config.name} (id {config.id})"
-    if estimate.motion < 2.0 * tick:
-        raise DriverError(f"{where}: hardly moved ({estimate.motion:.4f} rad RMS): nothing to identify from")
+    _refuse_at_rest(robot, joint, estimate.motion)
+    where, tick = _servo_of(robot, joint), float(robot.tick_rad[joint])
     if estimate.rejected > _REJECTED_SHARE * estimate.samples:
         raise DriverError(
             f"{where}: {estimate.rejected} of {estimate.samples} angles fit no motion of a joint: the readings are "

@@ -139,24 +139,35 @@ class JointModel:
         )
         plant.enabled[:] = True
         q, v = np.full(m, _first(stretch)), np.full(m, _first_speed(stretch))
-        before, speed, drag = v.copy(), np.empty(m), np.empty(m)
+        before, scratch = v.copy(), np.empty(m)
         angles, speeds, torques = (np.empty((steps + 1, m)) for _ in range(3))
-        for k in range(steps + 1):
-            if k == 0 or voltage[k] != voltage[k - 1]:
-                plant.set_supply(float(voltage[k]))
-            plant.goal[:] = goals[k]
+        per_step = dt / (armature + limb[:, None])
+        stop = friction * per_step
+        # In place and on plain numbers: these lines are most of the time of an identification.
+        for goal, volts, weight, angle, speed, torque, share, least in zip(
+            goals, voltage.tolist(), load.tolist(), angles, speeds, torques, per_step, stop, strict=True
+        ):
+            if volts != plant.supply:
+                plant.set_supply(volts)
+            plant.goal = goal
             # The speed is known half a step before the angle: extrapolated to the same time.
             np.multiply(v, 1.5, out=speed)
-            speed -= 0.5 * before
-            torque = plant.step(q, speed)
-            angles[k], speeds[k], torques[k] = q, speed, torque
-            before[:] = v
-            per_step = dt / (armature + limb[k])
-            v += (torque - load[k] - damping * speed) * per_step
+            before *= 0.5
+            speed -= before
+            angle[:], torque[:] = q, plant.step(q, speed)
+            np.multiply(damping, speed, out=scratch)
+            np.subtract(torque, scratch, out=scratch)
+            scratch -= weight
+            scratch *= share
+            np.add(v, scratch, out=before)
+            before, v = v, before
             # Dry friction stops a motion and never reverses it.
-            np.multiply(friction, per_step, out=drag)
-            v[:] = np.sign(v) * np.maximum(np.abs(v) - drag, 0.0)
-            q += v * dt
+            np.abs(v, out=scratch)
+            scratch -= least
+            np.maximum(scratch, 0.0, out=scratch)
+            np.copysign(scratch, v, out=v)
+            np.multiply(v, dt, out=scratch)
+            q += scratch
         width = max(round(self._period / dt), 1)
         supply = voltage[:, None] / servo.nominal_voltage
         slope = kp * supply * np.gradient(uniform_filter1d(goals, width, axis=0), dt, axis=0)

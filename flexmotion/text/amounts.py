@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from flexmotion.text.numbers import is_digits, number_at
-from flexmotion.text.paces import Speed, speed_at
+from flexmotion.text.paces import Speed, speed_at, tells_speed
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
 _SYMBOLS = {
@@ -25,6 +26,7 @@ _SYMBOLS = {
     "km/h": " km per hour ",
 }
 _WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
+_DIGIT = re.compile(r"\d")
 _FRACTION = re.compile(r"(?<![\w./])(?:(\d+) )?([1-9])/([234568])(?![\w/])")
 _MARKS = frozenset(",.;:!?&")
 
@@ -72,18 +74,25 @@ def words_of(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("‘", "'")
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
-    # "1,000" and "2,5" are numbers, "1, 2" are two.
-    text = _FRACTION.sub(lambda found: f"{int(found[1] or 0) + int(found[2]) / int(found[3]):.4g}", text)
-    text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
-    text = re.sub(r"(?<=\d),(?=\d{1,2}\b)", ".", text)
-    for mark, unit in (('"', "inches"), ("'", "feet")):
-        text = re.sub(rf"(?<=\d)\s?{mark}(?!\w)", f" {unit} ", text)
+    if _DIGIT.search(text):
+        text = _digits_read(text)
     numbers, words = vocabulary().table["numbers"], list[str]()
     for word in _WORD.findall(text):
         parts = word.split("-")
         # "forty-five", "two-step": numbers are read word by word.
         words += parts if len(parts) > 1 and any(part in numbers for part in parts) else [word]
     return ["and" if word == "&" else word for word in words]
+
+
+def _digits_read(text: str) -> str:
+    """Text with fractions as decimals, numbers without commas, and the marks for inches and feet in words."""
+    # "1,000" and "2,5" are numbers, "1, 2" are two.
+    text = _FRACTION.sub(lambda found: f"{int(found[1] or 0) + int(found[2]) / int(found[3]):.4g}", text)
+    text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
+    text = re.sub(r"(?<=\d),(?=\d{1,2}\b)", ".", text)
+    for mark, unit in (('"', "inches"), ("'", "feet")):
+        text = re.sub(rf"(?<=\d)\s?{mark}(?!\w)", f" {unit} ", text)
+    return text
 
 
 def is_mark(token: Token) -> bool:
@@ -94,13 +103,37 @@ def is_mark(token: Token) -> bool:
 def tokens_of(sentence: str) -> list[Token]:
     """Words and amounts of a sentence in their order."""
     words, found, place = _units_first(words_of(sentence)), list[Token](), 0
+    fast = tells_speed(words)
     while place < len(words):
+        if not fast and not _counts(words[place]):
+            found.append(words[place])
+            place += 1
+            continue
         token, used = speed_at(words, place) or _amount(words, place)
         same = _same_unit(words, place, found)
         found.append(token if same is None else same)
         _join_range(found)
         place += used
     return found
+
+
+@lru_cache
+def _counting() -> frozenset[str]:
+    """Words with which an amount or a factor can begin."""
+    known = vocabulary()
+    tables = ("numbers", "fractions", "multiples", "counts", "articles", "vague")
+    return frozenset(word for name in tables for word in known.table[name]) | {
+        "a",
+        "dozen",
+        "half",
+        "minus",
+        "negative",
+    }
+
+
+def _counts(word: str) -> bool:
+    """Whether an amount or a factor can begin with a word; most words of a sentence are not looked at further."""
+    return not word[:1].isalpha() or word in _counting()
 
 
 def _join_range(found: list[Token]) -> None:
@@ -125,15 +158,27 @@ def _units_first(words: list[str]) -> list[str]:
     What says a size alone ("two big steps") stays in the amount.
     """
     known, words = vocabulary(), list(words)
-    others = known.words("sizes") | known.verbs | set(known.units) | set(known.table["numbers"]) | set(_JOINTS)
-    others |= set(known.table["articles"]) | set(known.table["fractions"]) | known.words("hedges")
     for place in range(1, len(words) - 1):
         direction, unit = words[place], words[place + 1]
+        if unit not in known.table["units"]["steps"]:
+            continue
         counted = words[place - 1] in known.table["numbers"] or is_digits(words[place - 1])
-        qualifies = direction in known.words("directions") or (direction.isalpha() and direction not in others)
-        if counted and qualifies and unit in known.table["units"]["steps"]:
+        qualifies = direction in known.words("directions") or (
+            direction.isalpha() and direction not in _no_directions()
+        )
+        if counted and qualifies:
             words[place : place + 2] = unit, known.table["adverbs"].get(direction, direction)
     return words
+
+
+@lru_cache
+def _no_directions() -> frozenset[str]:
+    """Words between a number and "steps" that say no direction."""
+    known = vocabulary()
+    others = known.words("sizes") | known.verbs | known.words("hedges")
+    return frozenset(others).union(
+        known.units, _JOINTS, *(known.table[name] for name in ("numbers", "articles", "fractions"))
+    )
 
 
 def _same_unit(words: list[str], place: int, before: list[Token]) -> Amount | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from flexmotion.text.numbers import number_at
 from flexmotion.text.vocabulary import vocabulary
@@ -31,6 +32,18 @@ def speed_at(words: list[str], place: int) -> tuple[Speed, int] | None:
     factor, used = found
     said = " ".join(words[place : place + used])
     return Speed(min(max(factor, LEAST), GREATEST), said), used
+
+
+def tells_speed(words: list[str]) -> bool:
+    """Whether a speed may begin at a word that begins no number: "at a slow pace", "slower by half"."""
+    return not _tell_speed().isdisjoint(words)
+
+
+@lru_cache
+def _tell_speed() -> frozenset[str]:
+    """Words of which such a speed has at least one."""
+    openings = (phrase.split()[0] for phrase in vocabulary().phrases("flat_out"))
+    return frozenset(["by", *openings, *vocabulary().table["speed_nouns"]])
 
 
 def _of_speed(words: list[str], place: int) -> tuple[float, int] | None:

@@ -69,8 +69,15 @@ class Run:
 
     def seconds_since_torque(self, tick: int) -> float:
         """Time from torque on to a tick [s]; times of faults count from torque on."""
-        began = next(event.tick for event in self.record.events if "OFF -> READY" in event.message)
-        return (tick - began) / self.record.rate_hz
+        return (tick - self._began) / self.record.rate_hz
+
+    def tick_at(self, seconds: float) -> int:
+        """The tick at a time since torque on [s]."""
+        return self._began + round(seconds * self.record.rate_hz)
+
+    @property
+    def _began(self) -> int:
+        return next(event.tick for event in self.record.events if "OFF -> READY" in event.message)
 
 
 def through(robot: Robot, driver: Driver, body: SimBody | None = None, motion: Motion | None = None) -> Run:

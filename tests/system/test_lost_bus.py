@@ -16,7 +16,7 @@ from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
 
-FIRST_S, STEP_S, PHASES = 3.4, 0.8, 8
+FIRST_S, STEP_S, PHASES = 3.4, 0.8, 4
 """From the start of a run to its second step [s], duration of two steps [s], and phases that are tried."""
 
 

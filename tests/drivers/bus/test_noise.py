@@ -97,7 +97,7 @@ def suffering(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Noise]:
 
 
 @pytest.mark.parametrize("name", ["dynamixel", "feetech", "lx16a"])
-@settings(max_examples=1000)
+@settings(max_examples=400)
 @given(data=st.data())
 def test_no_bytes_crash_or_hang_a_driver(suffering: dict[str, Noise], name: str, data: st.DataObject) -> None:
     noise = suffering[name]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+import io
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
-from shutil import copytree
-from typing import TYPE_CHECKING
+from shutil import copyfile, copytree
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from flexmotion.configs.model import FOLDER
 from flexmotion.dataset.build import build
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
+from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 
 if TYPE_CHECKING:
     from flexmotion.bundles.bundle import Bundle
@@ -25,7 +29,52 @@ if TYPE_CHECKING:
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Progress, Task
 
+TEXT_FILES = (NETWORK, VOCABULARY)
 SMALL = {"width": 32, "heads": 2, "layers": 1, "expansion": 2}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """An export copies networks that were written before, and takes listeners that were fitted before.
+
+    Most exports here are of the same ones, at twenty seconds each. `test_export.py` shows that the same network is
+    written as the same bytes.
+    """
+    if find_spec("torch") is None:
+        yield
+        return
+    import torch
+
+    from flexmotion.training import export
+
+    folder, write = tmp_path_factory.mktemp("networks"), export.export_network
+
+    def export_network(network: Any, path: Path, inputs: dict[str, Any], *others: Any) -> None:
+        shapes = {name: (value.dtype, value.shape) for name, value in inputs.items()}
+        whole = io.BytesIO()
+        torch.save((network, shapes, others), whole)
+        before = folder / hashlib.sha256(whole.getvalue()).hexdigest()
+        if not before.is_file():
+            write(network, before, inputs, *others)
+        copyfile(before, path)
+
+    def fitted(fit: Callable[..., Any]) -> Callable[..., Any]:
+        known: dict[tuple[Any, ...], Any] = {}
+
+        def fit_once(encode: SentenceEncoder, *examples: Any) -> Any:
+            files = sorted(encode._path.parent.iterdir())
+            key = (*(file.read_bytes() for file in files if file.name in TEXT_FILES), repr(examples))
+            if key not in known:
+                known[key] = fit(encode, *examples)
+            return known[key]
+
+        return fit_once
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "export_network", export_network)
+        for name in ("fit_listener", "fit_manner_listener"):
+            patch.setattr(export, name, fitted(getattr(export, name)))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -147,7 +196,6 @@ class Stages:
 
     def diffusion(self, run: Run) -> DiffusionTask:
         """A new diffusion on the run's autoencoder."""
-        from flexmotion.text.sentence_encoder import SentenceEncoder
         from flexmotion.training.autoencoder_task import load_autoencoder
         from flexmotion.training.diffusion_task import DiffusionTask
         from flexmotion.training.processes import Processes
@@ -208,3 +256,11 @@ def bundle(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     from flexmotion.training.export import export
 
     return export(trained, tmp_path_factory.mktemp("bundle") / "stream", distilled=True)
+
+
+@pytest.fixture(scope="session")
+def undistilled(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """The diffusion model of fifty steps, exported."""
+    from flexmotion.training.export import export
+
+    return export(trained, tmp_path_factory.mktemp("undistilled") / "stream", distilled=False)

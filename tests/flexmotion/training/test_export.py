@@ -20,7 +20,9 @@ from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.human.kinematics import forward  # noqa: E402
 from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.streamer.cli import execute  # noqa: E402
-from flexmotion.training.export import Decoder, load_networks  # noqa: E402
+from flexmotion.training.export import Decoder, denoiser_inputs, load_networks  # noqa: E402
+from flexmotion.training.export_onnx import export_network  # noqa: E402
+from flexmotion.training.half_weights import halve_weights  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
 
 
@@ -50,6 +52,15 @@ def test_exported_networks_compute_what_torch_computes(trained: Run, bundle: Bun
     decoding = {"latent": clean, "history": inputs["history"]}
     (found,) = onnxruntime.InferenceSession(str(bundle.folder / DECODER)).run(None, decoding)
     assert found == pytest.approx(frames, abs=1e-3)
+
+
+def test_the_same_network_is_written_as_the_same_bytes(trained: Run, bundle: Bundle, tmp_path: Path) -> None:
+    """Bundles are compared by the hashes of their files."""
+    autoencoder, denoiser = load_networks(trained, distilled=True)
+    inputs = denoiser_inputs(trained, autoencoder.latent, distilled=True)
+    export_network(denoiser, tmp_path / DENOISER, inputs, ["clean"])
+    halve_weights(tmp_path / DENOISER)
+    assert (tmp_path / DENOISER).read_bytes() == (bundle.folder / DENOISER).read_bytes()
 
 
 def test_the_sampler_takes_the_bundle(bundle: Bundle) -> None:

@@ -108,10 +108,9 @@ def test_a_persons_network_is_ready_before_it_is_asked_for(hers: Bundle, monkeyp
     sampler.sample(sampler.standing(), Condition("walk like Ada"), 1)
 
 
-def test_the_model_of_fifty_steps_has_the_person_too(trained: Run, ada: Run, tmp_path: Path) -> None:
-    before = export(trained, tmp_path / "before", distilled=False)
+def test_the_model_of_fifty_steps_has_the_person_too(undistilled: Bundle, ada: Run, tmp_path: Path) -> None:
     after = export_bundle(ada, tmp_path / "after", distilled=False)
-    old, new = Sampler(before, 2), Sampler(after, 2)
+    old, new = Sampler(undistilled, 2), Sampler(after, 2)
     assert same(*(own.sample(own.standing(), Condition("walk"), 1) for own in (old, new)))
     assert not same(
         *(own.sample(own.standing(), Condition(f"walk{how}"), 1) for own, how in ((old, ""), (new, f" {ADA}")))
@@ -139,11 +138,12 @@ def test_a_person_is_added_to_a_bundle_that_keeps_what_its_judges_said(
     assert Bundle(judged.folder).hash == judged.hash
 
 
-def test_a_bundle_of_another_model_is_refused(bundle: Bundle, ada: Run, trained: Run, tmp_path: Path) -> None:
+def test_a_bundle_of_another_model_is_refused(
+    bundle: Bundle, undistilled: Bundle, ada: Run, trained: Run, tmp_path: Path
+) -> None:
     """The person's latents would be decoded by a decoder that never saw their like."""
-    unguided = export(trained, tmp_path / "unguided", distilled=False)
     with pytest.raises(ConfigError, match="is of the diffusion; export it anew"):
-        export_bundle(ada, tmp_path / "out", distilled=True, onto=unguided)
+        export_bundle(ada, tmp_path / "out", distilled=True, onto=undistilled)
     copytree(trained.folder, tmp_path / "other")
     weights = Run(tmp_path / "other")
     for stage in ("autoencoder", "forces"):

@@ -283,14 +283,15 @@ def test_no_student_is_added_to_a_diffusion_that_was_trained_further(
     assert not (run.stage("distill") / BEST).is_file()
 
 
-def test_a_personalised_release_knows_its_manner(trained: Run, small_set: Path, stages: Any, tmp_path: Path) -> None:
+def test_a_personalised_release_knows_its_manner(
+    trained: Run, undistilled: Bundle, small_set: Path, stages: Any, tmp_path: Path
+) -> None:
     """The bundle of the weights file did not know "like Ada"."""
     run = personal_run(trained, tmp_path / "ada", "like Ada")
     stages.train(run, "diffusion", personal_task(run, trained, small_set, "like Ada"), 2)
     path, made = tmp_path / "ada.safetensors", tmp_path / "bundle"
     assert execute(["export", str(run.folder), "--weights", "-o", str(path)]) == 0
-    before = export(trained, tmp_path / "before", distilled=False)
-    onto = ["--onto", str(before.folder), "-o", str(made)]
+    onto = ["--onto", str(undistilled.folder), "-o", str(made)]
     assert execute(["export", str(path), "--diffusion", *onto]) == 0
     assert Sampler(Bundle(made), steps=2).prompt("walk like Ada").manner == "like Ada"
 

@@ -34,7 +34,8 @@ def lists(tmp_path: Path) -> list[str]:
 
 
 def tune(out: Path, lists: list[str], *more: str) -> int:
-    return execute(["robots", "tune", "op3", "-o", str(out), "--numbers", TWO, *lists, "--population", "3", *more])
+    command = ["robots", "tune", "op3", "-o", str(out), "--numbers", TWO, "--jobs", "1"]
+    return execute([*command, *lists, "--population", "3", *more])
 
 
 def test_a_tiny_campaign(lists: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
