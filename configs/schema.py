@@ -26,8 +26,11 @@ _LOADER: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def yaml_content(text: str) -> Any:
-    """What a YAML document holds. Raises `yaml.YAMLError`."""
-    return yaml.load(text, Loader=_LOADER)
+    """What a YAML document holds. Raises `yaml.YAMLError`, also where it is nested too deeply."""
+    try:
+        return yaml.load(text, Loader=_LOADER)
+    except RecursionError as error:
+        raise yaml.YAMLError("it is nested too deeply") from error
 
 
 def read_yaml(file: Path) -> dict[str, Any]:

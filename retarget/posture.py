@@ -35,10 +35,6 @@ _TWIST = 0.5
 """Bound of the torso's yaw relative to the feet [rad]."""
 _STANDING_SHARE = (0.3, 0.7)
 """Bounds of the load share that follows the human's sway in double support."""
-_FADE_IN_S = 0.5
-"""Time before source time 0 in which that share becomes the human's [s]: three time constants of a small robot's
-pendulum. A robot that stands has its weight between its feet, and cannot have it elsewhere at once; first steps were
-put off for it by up to 0.5 s."""
 
 
 def follower(robot: Robot, body: WholeBody) -> Follower:
@@ -53,19 +49,17 @@ def follower(robot: Robot, body: WholeBody) -> Follower:
     )
 
 
-def quiet_share(window: HumanWindow, seconds: Float, rows: int, fade_rows: float) -> Float:
+def quiet_share(window: HumanWindow, seconds: Float, begun: Float, rows: int, fade_rows: float) -> Float:
     """Load share of the right foot in double support, (rows,): the human's, fading to one half in the stop tail.
-
-    It fades in before source time 0, from the weight between the feet of a robot that stands.
 
     Args:
         seconds: source time of the rows that follow the human, (F,) [s]; rows: number of rows in all.
+        begun: how much of the human's share counts in these rows, 0 to 1, (F,).
         fade_rows: rows in which it fades.
     """
     left, right = window.feet[:, 0, :2], window.feet[:, 1, :2]
     across = right - left
     share = np.sum((window.kinematics.com[:, :2] - left) * across, axis=1) / np.maximum(np.sum(across**2, axis=1), 1e-4)
-    begun = np.clip(1.0 + seconds / _FADE_IN_S, 0.0, 1.0)
     known = 0.5 + begun * (window.at(np.clip(share, *_STANDING_SHARE), seconds) - 0.5)
     fade = np.clip(1.0 - np.arange(rows - len(seconds)) / fade_rows, 0.0, 1.0)
     return np.concatenate([known, 0.5 + fade * (known[-1] - 0.5)])

@@ -107,7 +107,7 @@ class Retargeter:
             settings.replan_s,
         )
         sole = float(robot.sole_half_size[:, 0].min())
-        self.walks = WalkPlanner(self.footsteps, absorber, check, sole, self.rate)
+        self.walks = WalkPlanner(self.footsteps, absorber, check, sole, settings.lead_in_s, self.rate)
         self.capture = CaptureSteps(self.gait, self.swings, robot.sole_half_size.min(axis=0), self.omega, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.stiffness = LimbStiffness(robot)

@@ -33,6 +33,10 @@ _ROLL, _MOST_ROLL = 0.2, 0.4
 most by this share of half a sole. The hips then move more evenly. Of 6 runs of changing clips (swings that are given
 time, both): legs lag by 1.3° (median) instead of 1.6; in perturbed walks soles slip by 1.5 mm/s instead of 4.5, knees
 are 3° late (p95) instead of 6 to 10."""
+_FADE_IN = 3.6
+"""Time in which the weight becomes the human's once one is followed, in time constants of the robot's pendulum. A robot
+that stands has its weight between its feet, and cannot have it elsewhere at once: first steps were put off for it by up
+to 0.5 s."""
 _TRIES = 2
 """How often steps are given more time in one plan."""
 
@@ -64,6 +68,7 @@ class WalkPlanner:
         absorber: lets the divergent component start where the last plan left it.
         check: gives swings the time that they need.
         sole_half_length: from a sole's centre to its toe edge [m].
+        lead_in_s: time from the first plan for a human to source time 0 [s].
         rate_hz: loop ticks a second.
     """
 
@@ -73,9 +78,11 @@ class WalkPlanner:
         absorber: JoinAbsorber,
         check: SwingCheck,
         sole_half_length: float,
+        lead_in_s: float,
         rate_hz: float,
     ) -> None:
         self.footsteps, self.absorber, self.check, self.rate = footsteps, absorber, check, rate_hz
+        self._lead_in_s = lead_in_s
         self._most_roll = _MOST_ROLL * sole_half_length
         self._put_off = [int(round(seconds * rate_hz)) for seconds in _PUT_OFF_S]
 
@@ -180,7 +187,9 @@ class WalkPlanner:
         quiet = np.full(len(ticks), 0.5)
         # A head that is to be at a place sways with no human.
         if view is not None and tick >= float(state.upright):
-            quiet = posture.quiet_share(view.window, view.seconds(ticks[:follow]), len(ticks), SHIFT_S * self.rate)
+            seconds = view.seconds(ticks[:follow])
+            begun = np.clip((seconds + self._lead_in_s) * self.absorber.omega / _FADE_IN, 0.0, 1.0)
+            quiet = posture.quiet_share(view.window, seconds, begun, len(ticks), SHIFT_S * self.rate)
         schedule = Schedule.of(
             state.feet,
             float(state.landed),

@@ -4,9 +4,9 @@ A joint that stands still while it should move, without a block, carries a load 
 torque of its servo, tick by tick. That happens for moments, where a foot strikes or a joint begins to move, and within
 dry friction. A joint that has stood still while its prediction moved by `FAR_SHARE` of its servo's usable torque and
 the servo made as much torque, and that goes on standing still for `STILL_S` in which the prediction is elsewhere, is
-blocked. A prediction that went out and came back before the joint could follow asks for no motion any more. This tells
-a blocked joint from a loaded one long before the load itself does: what a goal implies is bounded at the joint's
-position, so that a blocked joint whose plan carries a load never seems overloaded.
+blocked. A prediction that went out and came back before the joint could follow asks for no motion any more, and is
+forgotten after `RETURNED_S`. This tells a blocked joint from a loaded one long before the load itself does: what a goal
+implies is bounded at the joint's position, so that a blocked joint whose plan carries a load never seems overloaded.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ is at least half as far from the joint [s]: 3.3 times the time constant b / kp o
 joint, with its standard perturbations: at most a third of it, in shoulders that are set in motion. The time constant of
 a joint that follows with a share of its stiffness is longer by 1 over that share, and so is this time."""
 
+RETURNED_S = 0.5
+"""Time for which a prediction must be back at its joint, for what it was before to be forgotten [s]: half a second of
+walking, whose joints swing to and fro once in it. A joint that is held goes on being led away."""
+
 
 class Stillness:
     """Follows every joint and its prediction, tick by tick; allocates nothing that grows.
@@ -56,6 +60,7 @@ class Stillness:
         # Of the prediction, and of the goal, beginning at the joint.
         self._led, self._lowest, self._highest, self._spans = (np.zeros((2, n)) for _ in range(4))
         self._late, self._any_late = np.zeros(n), False  # in ticks of a stiff joint
+        self._returned, self._returned_for = np.zeros(n, np.intp), round(RETURNED_S * robot.rate_hz)  # in ticks
 
     @property
     def worst(self) -> int | None:
@@ -71,6 +76,7 @@ class Stillness:
             np.copyto(values, position)
         self.span.fill(0.0)
         self._late.fill(0.0)
+        self._returned.fill(0)
         self._any_late = False
 
     def update(self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_], share: Float) -> None:
@@ -104,6 +110,16 @@ class Stillness:
             return
         np.subtract(position, predicted, out=away)
         np.abs(away, out=away)
-        np.add(self._late, share, out=self._late, where=away > 0.5 * self._far)
+        gone = away > 0.5 * self._far
+        np.add(self._late, share, out=self._late, where=gone)
         self._late[~late] = 0.0
+        self._returned += 1
+        self._returned[gone | ~late] = 0
+        forgotten = self._returned > self._returned_for
+        if some(forgotten):
+            np.copyto(self._where, position, where=forgotten)
+            led[0], led[1] = predicted, position
+            for values in (lowest, highest):
+                np.copyto(values, led, where=forgotten)
+            self._late[forgotten] = 0.0
         self._any_late = some(self._late)

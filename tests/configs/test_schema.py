@@ -1,7 +1,9 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
+from flexmotion.configs import schema
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, load, parse
 
@@ -56,3 +58,16 @@ def test_what_was_parsed_is_read_only() -> None:
 def test_a_model_without_fields_lists_none() -> None:
     with pytest.raises(ConfigError, match="options: field speed: unknown field, there are none"):
         parse(Strict, {"speed": 1}, "options")
+
+
+@pytest.mark.parametrize("loader", [yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)])
+@pytest.mark.parametrize("depth", [500, 5000])
+def test_a_file_that_is_nested_too_deeply_is_refused_with_any_reader(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loader: type, depth: int
+) -> None:
+    """PyYAML without libyaml ended the program with a RecursionError."""
+    monkeypatch.setattr(schema, "_LOADER", loader)
+    file = tmp_path / "engine.yaml"
+    file.write_text("power: " + depth * "[" + depth * "]")
+    with pytest.raises(ConfigError, match=r"not valid YAML|field power"):
+        load(Engine, file)

@@ -71,7 +71,7 @@ def test_load_share_follows_the_sway_then_fades_to_the_middle(
     still = stand(31)
     shifted = still.root_position - [0.0, 0.5, 0.0]
     seen = window(still)
-    assert quiet_share(seen, np.arange(50) / 125, 100, 31.0)[0] == pytest.approx(0.5, abs=0.02)
+    assert quiet_share(seen, np.arange(50) / 125, np.ones(50), 100, 31.0)[0] == pytest.approx(0.5, abs=0.02)
     lean = Motion(
         fps=still.fps,
         root_position=shifted,
@@ -79,21 +79,20 @@ def test_load_share_follows_the_sway_then_fades_to_the_middle(
         joints=stand(31, lumbar_bending=0.6).joints,
         body=still.body,
     )
-    share = quiet_share(window(lean), np.arange(50) / 125, 100, 31.0)
+    share = quiet_share(window(lean), np.arange(50) / 125, np.ones(50), 100, 31.0)
     assert abs(share[0] - 0.5) > 0.05 and share.min() >= 0.3 and share.max() <= 0.7
     assert share[-1] == 0.5
     assert np.abs(np.diff(share)).max() < 0.02
 
 
-def test_the_load_share_fades_in_from_the_middle_before_the_human_begins(
+def test_the_load_share_begins_in_the_middle_as_far_as_the_human_does_not_count(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
 ) -> None:
-    seen, seconds = window(stand(31, lumbar_bending=0.6)), np.arange(-0.6, 0.4, 1 / 125)
-    share = quiet_share(seen, seconds, len(seconds), 31.0)
-    begun = quiet_share(seen, np.array([0.0]), 1, 31.0)[0]
-    assert share[0] == 0.5 and abs(begun - 0.5) > 0.05
-    np.testing.assert_allclose(share[seconds > 0.0], begun, atol=1e-9)
-    assert np.abs(np.diff(share)).max() < 0.004
+    seen, begun = window(stand(31, lumbar_bending=0.6)), np.linspace(0.0, 1.0, 50)
+    whole = quiet_share(seen, np.arange(50) / 125, np.ones(50), 50, 31.0)
+    share = quiet_share(seen, np.arange(50) / 125, begun, 50, 31.0)
+    assert share[0] == 0.5 and abs(whole[0] - 0.5) > 0.05
+    np.testing.assert_allclose(share - 0.5, begun * (whole - 0.5), atol=1e-9)
 
 
 def test_the_follower_has_a_channel_for_each_target(retargeter: Retargeter) -> None:

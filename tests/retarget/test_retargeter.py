@@ -10,6 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
@@ -325,19 +327,20 @@ def test_the_source_starts_after_the_lead_in(retargeter: Retargeter, walk: Motio
     np.testing.assert_allclose(np.diff(plan.source_s[: plan.stop_row]), 1 / RATE)
 
 
+@pytest.mark.parametrize(("lead_in_s", "late_s"), [(0.6, 0.4), (0.3, 0.4), (0.0, 0.75)])
 @pytest.mark.parametrize("frame", range(30, 58, 3))
-def test_a_human_who_walks_already_is_followed_from_source_time_0_on(
-    retargeter: Retargeter, walk: Motion, frame: int
+def test_a_human_who_walks_already_is_followed_soon(
+    op3: Robot, stream: StreamSettings, walk: Motion, frame: int, lead_in_s: float, late_s: float
 ) -> None:
     """Robots that mirrored a walking person lifted their first foot up to half a second after the lead-in.
 
-    The weight was to be where the human's is from the first tick of the lead-in on, the human on one foot. That did
-    not fit, and the first step was put off plan by plan, for which there was no reason.
+    The weight was to be where the human's is from the first tick on, the human on one foot. That did not fit, and the
+    first step was put off plan by plan, for which there was no reason.
     """
-    walker = walk[frame:]
-    plan = resume(retargeter, walker, retargeter.standing(), 0, 60)
+    retargeter = Retargeter(op3, stream.model_copy(update={"lead_in_s": lead_in_s}))
+    plan = resume(retargeter, walk[frame:], retargeter.standing(), 0, 60)
     # Half a second from lift to lift: a swing that is nearly over is no step, the next one is.
-    assert plan.steps[0].lift <= (retargeter.settings.lead_in_s + 0.4) * RATE
+    assert plan.steps[0].lift <= (lead_in_s + late_s) * RATE
     share = plan.load_share[:, None]
     zmp = (1.0 - share) * plan.feet[:, 0, :2] + share * plan.feet[:, 1, :2]
     assert (np.abs(plan.zmp - zmp).max(axis=0) <= 0.5 * retargeter.robot.sole_half_size.min(axis=0) + 1e-9).all()

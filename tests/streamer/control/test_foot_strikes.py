@@ -97,7 +97,7 @@ def test_a_strike_is_no_more_than_the_speed_of_the_foot_says() -> None:
     """Twice as fast, twice the change."""
     one = foreseen(estimated(Q, QD, TORSO, GYRO))
     two = foreseen(estimated(Q, 2.0 * QD, TORSO, 2.0 * np.array(GYRO)))
-    assert two[1, KNEE] >= 1.9 * one[1, KNEE]
+    assert 1.9 * one[1, KNEE] <= two[1, KNEE] <= 2.5 * one[1, KNEE]
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.5, -0.5])
@@ -150,7 +150,7 @@ def test_a_strike_changes_the_joints_as_in_the_simulator(tilt: float, speed: flo
         assert found == pytest.approx(change[number], rel=0.25, abs=0.1)
 
 
-def test_a_reading_that_is_no_number_foresees_nothing() -> None:
+def test_a_reading_that_is_no_number_foresees_no_strike_that_is_none() -> None:
     q = Q.copy()
     q[KNEE] = np.nan
     assert np.isfinite(foreseen(estimated(q, QD, TORSO, GYRO))).all()

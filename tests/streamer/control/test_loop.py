@@ -240,6 +240,41 @@ def test_goals_of_a_walk_leave_room_for_the_foot_that_is_about_to_strike(
     assert struck
 
 
+@pytest.mark.usefixtures("ready")
+def test_what_a_strike_would_add_is_left_out_of_the_goals(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    knee = loop.robot.index("l_knee")
+
+    def implied() -> float:
+        measured = loop.state
+        made = loop.robot.kp * (loop.servo.goal - measured.position) - loop.robot.back_emf * measured.velocity
+        return abs(float(made[knee]))
+
+    def both_ways(_estimator: object) -> None:
+        loop.strikes.change[:, knee] = -50.0, 50.0
+
+    offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20)
+    assert implied() > 0.2  # the knee carries the robot
+    monkeypatch.setattr(loop.strikes, "update", both_ways)
+    run(1)
+    assert implied() < 0.05
+
+
+@pytest.mark.usefixtures("ready")
+def test_a_robot_that_hangs_expects_no_strike(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20)
+    monkeypatch.setattr(loop.suspension, "update", lambda *_: False)
+    monkeypatch.setattr(loop.suspension, "hung", True)
+    loop.strikes.change[1] = 1.0
+    run(1)
+    assert not loop.strikes.change.any()
+
+
 @pytest.mark.parametrize("plan", [False, True])
 @pytest.mark.usefixtures("ready")
 def test_estop_freezes_the_last_goals(

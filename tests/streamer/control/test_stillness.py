@@ -9,7 +9,7 @@ import pytest
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.streamer.control.obedience import PATIENCE_S, SHARE, Obedience
-from flexmotion.streamer.control.stillness import FAR_SHARE, STILL_S, Stillness
+from flexmotion.streamer.control.stillness import FAR_SHARE, RETURNED_S, STILL_S, Stillness
 
 RATE = 125.0
 TICKS = round(STILL_S * RATE)
@@ -122,6 +122,31 @@ def test_a_prediction_that_came_back_asks_for_nothing(op3: Robot) -> None:
     for _ in range(10 * TICKS):
         elbow.tick()
         assert not elbow.blocked
+
+
+def test_predictions_that_came_back_do_not_add_up(op3: Robot) -> None:
+    """The second small gesture of an arm that was at rest for a minute would have been one too many."""
+    elbow, stands = Joint(op3, "r_el"), op3.stand_pose[op3.index("r_el")]
+    for _ in range(5):
+        for tick in range(round(0.2 * RATE)):
+            elbow.predicted = stands + 1.2 * elbow.far * np.sin(np.pi * tick / (0.2 * RATE))
+            elbow.tick()
+            assert not elbow.blocked
+        elbow.predicted = stands
+        for _ in range(round(1.5 * RETURNED_S * RATE)):
+            elbow.tick()
+
+
+@pytest.mark.parametrize(("size", "blocked"), [(0.45, False), (0.8, True)])
+def test_half_the_way_is_where_a_prediction_is_back(op3: Robot, size: float, blocked: bool) -> None:
+    knee = Joint(op3)
+    knee.predicted = op3.stand_pose[knee.joint] + 1.1 * knee.far
+    for _ in range(TICKS // 2):
+        knee.tick()
+    knee.predicted = op3.stand_pose[knee.joint] + size * knee.far
+    for _ in range(10 * TICKS):
+        knee.tick()
+    assert knee.blocked == blocked
 
 
 def test_a_blocked_joint_whose_prediction_swings_is_found(op3: Robot) -> None:
