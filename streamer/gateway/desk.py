@@ -226,6 +226,12 @@ class Desk:
         holds_s = self._holds_s(message)
         if age_s > holds_s:
             return "expired", f"sent {age_s:.1f} s ago, it holds {holds_s:g} s"
+        # What holds without end is for the moment all the same: it is followed soon after it was sent, or not at all.
+        # What brings the robot to rest is done late rather than not.
+        rests = isinstance(message, DisarmMessage | ReleaseMessage)
+        take_up_s = self.settings.take_up_s
+        if message.ttl_s is None and age_s > take_up_s and not rests:
+            return "expired", f"sent {age_s:.1f} s ago, without ttl_s it is taken up within {take_up_s:g} s"
         return None
 
     def _holds_s(self, message: Message) -> float:

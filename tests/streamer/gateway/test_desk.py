@@ -373,7 +373,33 @@ def test_a_message_that_was_sent_too_long_ago_has_expired(make_office: Make, clo
     assert office.told[0].reason == "sent 0.6 s ago, it holds 0.5 s"
     assert office.told[1].reason == "stamp_s: 5.0 s in the future by this machine's clock"
     assert office.run.arrived() == []
-    office.ask(f'{{"type":"text","text":"wave","stamp_s":{now - 3600.0}}}')  # words hold until the next target
+
+
+@pytest.mark.parametrize("message", ['"type":"text","text":"wave"', '"type":"arm"', '"type":"clear"'])
+def test_what_holds_without_end_expires_all_the_same_where_it_comes_long_after_it_was_sent(
+    make_office: Make, clock: Clock, message: str
+) -> None:
+    """Words with a stamp of 1970 were accepted and done, while a stamp in the future was refused."""
+    office, now = make_office(take_up_s=2.0), 1.7e9 + clock.now
+    reader = office.requests.reader()
+    for stamp_s in (1.0, now - 2.1):
+        office.ask(f'{{{message},"stamp_s":{stamp_s}}}')
+    assert office.states == ["expired"] * 2 and office.run.arrived() == [] and not list(reader.read())
+    assert office.told[1].reason == "sent 2.1 s ago, without ttl_s it is taken up within 2 s"
+    office.ask(f'{{{message},"stamp_s":{now - 1.9}}}')
+    assert len(office.run.arrived()) + len(list(reader.read())) == 1
+
+
+def test_a_robot_is_disarmed_however_late_that_comes(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask('{"type":"disarm","stamp_s":1.0}')
+    assert [request for request, _ in reader.read()] == [Request.DISARM]
+
+
+def test_words_may_come_as_late_as_their_own_time_to_live_says(make_office: Make, clock: Clock) -> None:
+    office = make_office(take_up_s=2.0)
+    office.ask(f'{{"type":"text","text":"wave","ttl_s":60,"stamp_s":{1.7e9 + clock.now - 30.0}}}')
     assert len(office.run.arrived()) == 1
 
 
