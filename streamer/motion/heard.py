@@ -37,6 +37,9 @@ stop, a fault or a planner that was started again."""
 NOT_DONE: tuple[State, ...] = ("refused", "partly")
 """States in which something that was asked is not done."""
 
+GOALS = ("heading", "waypoint")
+"""What is heard where the robot is to come to a heading or a place in its odometry."""
+
 _BYTES, _HELD_BYTES = 8000, 64_000
 
 
@@ -71,6 +74,11 @@ class HeardStep(BaseModel):
     end_s: float | None = None
     measured: float | None = None
     place: tuple[float, float, float] | None = None
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether its end is measured: it has an amount, a time limit, or a heading or a place to come to."""
+        return self.amount is not None or self.limit_s is not None or self.heard_as in GOALS
 
     @property
     def done(self) -> str:

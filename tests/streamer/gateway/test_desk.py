@@ -137,6 +137,35 @@ def test_what_is_measured_a_moment_after_the_stand_is_done_and_not_stopped(make_
     assert told == [("done", "wait two seconds: 2 s of 2 s; bow: 1 time of 1 time")]
 
 
+@pytest.mark.parametrize("kind", ["heading", "waypoint"])
+def test_a_goal_ends_as_it_was_measured_and_not_in_the_first_stand_on_its_way(
+    make_office: Make, clock: Clock, kind: str
+) -> None:
+    """Two of five headings ended as "stopped", and the log said "done".
+
+    Each move to a goal ends in a stand, which is measured up to four seconds later; the first stand counted as the end.
+    """
+    office, ends = make_office(), list[Ended]()
+    step = HeardStep(text=kind, heard_as=kind)
+    field = '"heading_rad":1.57' if kind == "heading" else '"position_m":[1,0]'
+    office.desk.receive(f'{{"type":"{kind}",{field}}}'.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    office.run.answer(number, heard=kind, steps=(step,))
+    office.desk.pump()
+    for state in (State.STREAMING, State.HOLD, State.STREAMING, State.HOLD):  # a turn, a stand, what is missing
+        office.run.state = state
+        for _ in range(8):
+            clock.now += 0.5
+            office.run.step()
+            office.desk.pump()
+    assert ends == [] and office.desk.following is not None and office.desk.following.end is None
+    there = step.model_copy(update={"end": "done", "place": (0.0, 0.0, 1.57)})
+    office.run.answer(number, heard=kind, steps=(there,))
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("done", "stands at 0.00 m ahead, 0.00 m left, heading 90°")]
+    assert status_of(office.desk, "op3", "sim", 125.0, None).following.end == "done"  # type: ignore[union-attr]
+
+
 def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Make, clock: Clock) -> None:
     office = make_office()
     ends: list[Ended] = []
@@ -145,7 +174,7 @@ def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Mak
     office.run.answer(number, heard="bow", steps=(HeardStep(text="bow", amount=1.0, unit="times", limit_s=20.0),))
     office.desk.pump()
     office.run.state = State.HOLD
-    for _ in range(6):
+    for _ in range(12):
         clock.now += 0.5
         office.run.step()
         office.desk.pump()
