@@ -94,6 +94,14 @@ class Following:
         return self.steps[-1] if self.steps else None
 
     @property
+    def measured_end(self) -> TargetEnd | None:
+        """How it has ended by its steps: as the last one, or by the time limit of an earlier one; None: it goes on."""
+        if self.last is None or self.last.end is None:
+            return None
+        late = self.last.end == "done" and any(step.end == "time limit" for step in self.steps)
+        return "time limit" if late else self.last.end
+
+    @property
     def stands_s(self) -> float:
         """How long the robot may stand while it is followed, until it is over [s]: for what is still measured."""
         last, now = self.last, next((step for step in self.steps if step.end is None), None)
@@ -110,7 +118,7 @@ class Following:
             over = [step for step in self.steps if step.end is not None]
             done = over[0].done if len(self.steps) == 1 and over else None
             if len(self.steps) > 1 and over:
-                done = "; ".join(f"{step.text}: {step.done}" for step in over)
+                done = "; ".join(f"{step.text}: {step.fate}" for step in over)
             answer = self.answer
             self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))
         return replace(self, end=end)

@@ -301,9 +301,8 @@ class Desk:
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
                 self.following = replace(self.following, steps=heard.steps, stood_s=None)
-                last = self.following.last
-                if last is not None and last.end is not None:
-                    self.following = self.following.ended(last.end)
+                if (end := self.following.measured_end) is not None:
+                    self.following = self.following.ended(end)
                 elif heard.state == "refused":  # given up: its plan would pass the servos' envelope
                     self.following = self.following.ended("stopped")
             return

@@ -81,6 +81,14 @@ class HeardStep(BaseModel):
         return self.amount is not None or self.limit_s is not None or self.heard_as in GOALS
 
     @property
+    def fate(self) -> str:
+        """What the robot did of it, and where it did not do it whole, why it ended."""
+        if self.end in (None, "done"):
+            return self.done
+        limit = f" of {self.limit_s:.3g} s" if self.end == "time limit" and self.limit_s is not None else ""
+        return f"{self.done} ({self.end}{limit})"
+
+    @property
     def done(self) -> str:
         """What the robot did of the amount, or where it stands, in words."""
         if self.place is not None:

@@ -137,6 +137,31 @@ def test_what_is_measured_a_moment_after_the_stand_is_done_and_not_stopped(make_
     assert told == [("done", "wait two seconds: 2 s of 2 s; bow: 1 time of 1 time")]
 
 
+@pytest.mark.parametrize("late", ["step back", "bow"])
+def test_the_end_of_a_sequence_names_the_step_that_was_not_done_and_its_limit(make_office: Make, late: str) -> None:
+    """The end said "not done within its time limit", of two steps that both had a count, and not which limit.
+
+    Where only an earlier step was not done, the end was "done".
+    """
+    office, ends = make_office(), list[Ended]()
+    steps = [
+        HeardStep(text="step back", amount=1.0, unit="steps", limit_s=10.0, end="done", measured=1.0),
+        HeardStep(text="bow", amount=1.0, unit="times", limit_s=11.5, end="done", measured=1.0),
+    ]
+    missed = {"end": "time limit", "measured": 0.0}
+    steps = [step.model_copy(update=missed) if step.text == late else step for step in steps]
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    for _ in range(2):
+        office.run.answer(number, heard="bow", steps=tuple(steps))
+        office.desk.pump()
+    told = {
+        "step back": "step back: 0 steps of 1 step (time limit of 10 s); bow: 1 time of 1 time",
+        "bow": "step back: 1 step of 1 step; bow: 0 times of 1 time (time limit of 11.5 s)",
+    }
+    assert [(one.end, one.done) for one in ends] == [("time limit", told[late])]
+
+
 @pytest.mark.parametrize("kind", ["heading", "waypoint"])
 def test_a_goal_ends_as_it_was_measured_and_not_in_the_first_stand_on_its_way(
     make_office: Make, clock: Clock, kind: str
