@@ -27,6 +27,12 @@ _ENDS = {
 }
 _MEANT = {"contact": "{} kept down", "foot": "a step of the {}"}
 """What a message means for a part of the body that others are for, too."""
+_MIRRORS = {
+    "a person": "the person who is seen",
+    "nobody": "nobody: nobody is seen",
+    "not yet": "nobody yet: a person is seen; if the robot goes on standing: flexmotion send mirror",
+    "waits": "nobody, since it was stopped; it goes on with: flexmotion send mirror",
+}
 _SURE = 0.995
 _IDLE = {
     "OFF": "its torque is off",
@@ -90,6 +96,7 @@ def status_lines(found: Mapping[str, Any]) -> list[str]:
         "targets": "refused: a stop is in force (flexmotion clear)" if _stopped(found) else None,
         "limp joints": ", ".join(found["limp"]) or None,
         "follows": _follows(found["following"], "HOLD" if found.get("ready") else state),
+        "mirrors": _MIRRORS.get(found.get("mirrors") or ""),
         **_held(found.get("holding", ())),
         "operator": found["operator"] or "nobody",
         "place": _place(found["odometry"]),

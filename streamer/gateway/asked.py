@@ -11,6 +11,7 @@ from typing import Any
 from flexmotion.streamer.gateway.messages import Answer, Ended, Message, StopMessage, TargetEnd, TextMessage
 from flexmotion.streamer.motion.heard import HeardStep
 from flexmotion.streamer.motion.intents import Intent
+from flexmotion.streamer.planning.standstill import LONGEST_SETTLE_S
 from flexmotion.text.alarm import is_alarm
 
 Reply = Callable[[Answer], None]
@@ -22,8 +23,9 @@ WHOLE_BODY = "whole body"
 _SOURCES = 256
 """Sources whose sequence numbers are remembered."""
 
-MEASURED_S = 2.0
-"""Longest time from a stand to the measurement of what the robot has done until then [s]."""
+MEASURED_S = LONGEST_SETTLE_S + 1.0
+"""Longest time from a stand to the measurement of what the robot has done until then, or to its next move [s]: it is
+measured this long after it was told to stand at the latest, and a plan is made."""
 
 TYPED_STOP = "taken as STOP: targets are refused until `clear`; EMERGENCY STOP is its own button, or `flexmotion estop`"
 """What is answered to words of alarm. They are told from others by a list of words: no emergency stop depends on it."""
@@ -92,10 +94,18 @@ class Following:
         return self.steps[-1] if self.steps else None
 
     @property
+    def measured_end(self) -> TargetEnd | None:
+        """How it has ended by its steps: as the last one, or by the time limit of an earlier one; None: it goes on."""
+        if self.last is None or self.last.end is None:
+            return None
+        late = self.last.end == "done" and any(step.end == "time limit" for step in self.steps)
+        return "time limit" if late else self.last.end
+
+    @property
     def stands_s(self) -> float:
         """How long the robot may stand while it is followed, until it is over [s]: for what is still measured."""
         last, now = self.last, next((step for step in self.steps if step.end is None), None)
-        if last is None or (last.amount is None and last.limit_s is None):
+        if last is None or not last.is_measured:
             return 0.0
         waits_s = now.amount if now is not None and now.unit == "time" else None
         return MEASURED_S + (waits_s or 0.0)
@@ -108,7 +118,7 @@ class Following:
             over = [step for step in self.steps if step.end is not None]
             done = over[0].done if len(self.steps) == 1 and over else None
             if len(self.steps) > 1 and over:
-                done = "; ".join(f"{step.text}: {step.done}" for step in over)
+                done = "; ".join(f"{step.text}: {step.fate}" for step in over)
             answer = self.answer
             self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))
         return replace(self, end=end)

@@ -28,6 +28,7 @@ from flexmotion.streamer.gateway.messages import (
     GET_UP_S,
     Answer,
     AnswerState,
+    ArmMessage,
     ClearMessage,
     DisarmMessage,
     EmergencyStopMessage,
@@ -42,6 +43,7 @@ from flexmotion.streamer.gateway.messages import (
     decode,
     intent_of,
 )
+from flexmotion.streamer.gateway.mirror_state import GOES_ON, MirrorState
 from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, Over, heard_since
@@ -49,7 +51,7 @@ from flexmotion.streamer.motion.intents import Intent, to_content
 from flexmotion.streamer.motion.part_intents import PLACE_OF, RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
-from flexmotion.streamer.run.requests import RequestChannel
+from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.text.phrases import STAND
 
 _REQUEST_S = 1.0
@@ -85,6 +87,7 @@ class Desk:
         requests: the gateway's channel to the loop.
         on_lease: called with the operator before and the one now, when the lease goes over.
         takes_targets: else the run only shows itself, and can be stopped.
+        mirror: what a run that mirrors a person does; None: it mirrors nobody.
 
     Attributes:
         counts: messages received, answers by state, and what was refused, by its reason.
@@ -105,8 +108,9 @@ class Desk:
         on_lease: Callable[[str | None, str | None], None] = lambda _before, _now: None,
         *,
         takes_targets: bool = True,
+        mirror: MirrorState | None = None,
     ) -> None:
-        self.takes_targets = takes_targets
+        self.takes_targets, self.mirror = takes_targets, mirror
         self.settings, self.targets, self.requests, self.on_lease = settings, targets, requests, on_lease
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
@@ -170,12 +174,16 @@ class Desk:
         for heard in heard_since(self._heard):
             self._answered(heard)
         row = self._ticks.latest()  # before the events: those of its tick are among them
+        if self.mirror is not None:
+            self.mirror.update(None if row is None else TickRow(row))
         new = events(self._events)
         for event in new:
             self.cause.take(event)
         self._match(new, None if row is None else TickRow(row))
         self._look_what_holds(None if row is None else TickRow(row))
         if self.following is not None and now - self.following.stamp_s > self.following.holds_s:
+            if self.mirror is not None and self.following.end is None:
+                self.mirror.ends()
             self.following = self.following.ended("expired")
         self._time_out(now)
         self.lease.lapse(now)
@@ -226,6 +234,12 @@ class Desk:
         holds_s = self._holds_s(message)
         if age_s > holds_s:
             return "expired", f"sent {age_s:.1f} s ago, it holds {holds_s:g} s"
+        # What holds without end is for the moment all the same: it is followed soon after it was sent, or not at all.
+        # What brings the robot to rest is done late rather than not.
+        rests = isinstance(message, DisarmMessage | ReleaseMessage)
+        take_up_s = self.settings.take_up_s
+        if message.ttl_s is None and age_s > take_up_s and not rests:
+            return "expired", f"sent {age_s:.1f} s ago, without ttl_s it is taken up within {take_up_s:g} s"
         return None
 
     def _holds_s(self, message: Message) -> float:
@@ -295,9 +309,8 @@ class Desk:
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
                 self.following = replace(self.following, steps=heard.steps, stood_s=None)
-                last = self.following.last
-                if last is not None and last.end is not None:
-                    self.following = self.following.ended(last.end)
+                if (end := self.following.measured_end) is not None:
+                    self.following = self.following.ended(end)
                 elif heard.state == "refused":  # given up: its plan would pass the servos' envelope
                     self.following = self.following.ended("stopped")
             return
@@ -320,6 +333,8 @@ class Desk:
         if part != WHOLE_BODY:
             return
         if told.state in FOLLOWED and asked.intent is not None:
+            if self.mirror is not None:
+                self.mirror.goes_on()  # a run that mirrors follows no other target
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
             self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end, heard.steps), "superseded")
@@ -420,6 +435,10 @@ class Desk:
 
     def _reply(self, asked: Asked, state: AnswerState, reason: str | None = None, **known: object) -> Answer:
         message = asked.message
+        goes_on = state == "accepted" and isinstance(message, ArmMessage | ClearMessage)
+        if goes_on and self.mirror is not None and self.mirror.waits:
+            known["notes"] = (GOES_ON,)
+            self.requests.send(Request.NOTE, GOES_ON)  # for the run's output and its page
         answer = Answer.model_validate(
             {
                 "id": message.id,

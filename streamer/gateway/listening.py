@@ -25,6 +25,7 @@ from flexmotion.streamer.gateway.transports.ros2_targets import Ros2Targets
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
 from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.page.feed import Feed
 from flexmotion.streamer.run.session import Session
@@ -101,6 +102,7 @@ def listen(session: Session, listening: Listening) -> None:
         stops=stops[0].health if stops else None,
         clips=session.source.clips if isinstance(session.source, ModelSource) else (),
         kinds=session.source.sampler.requests.kinds if isinstance(session.source, ModelSource) else (),
+        person=session.source.channel if isinstance(session.source, MirrorSource) else None,
     )
     session.services += (*stops, gateway)
 

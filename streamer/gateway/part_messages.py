@@ -162,7 +162,7 @@ class JointMessage(PartMessage):
 
     type: Literal["joint"] = "joint"
     joint: Joint
-    angle_rad: Annotated[float, Field(ge=-math.tau, le=math.tau)]
+    angle_rad: Annotated[float, Field(ge=-math.tau, le=math.tau, description="[rad]")]
     tolerance_rad: _Angle = 0.1
 
 

@@ -22,6 +22,7 @@ from flexmotion.streamer.gateway.hub import Hub, Transport
 from flexmotion.streamer.gateway.ports import bound, check_free
 from flexmotion.streamer.gateway.ways import Way, began, ended
 from flexmotion.streamer.motion.heard import HeardChannel
+from flexmotion.streamer.motion.person_channel import PersonChannel
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import RequestChannel
@@ -57,6 +58,7 @@ class GatewayService:
         pace: of a human that the robot keeps up with; None: not known.
         stops: health of the stop process, for the status; None: the run has none.
         clips: names of those that targets may name; kinds: of motion that words may ask for.
+        person: poses of the person whom the run mirrors; None: it mirrors nobody.
 
     Attributes:
         name: of its process.
@@ -91,9 +93,10 @@ class GatewayService:
         stops: Health | None = None,
         clips: tuple[str, ...] = (),
         kinds: tuple[str, ...] = (),
+        person: PersonChannel | None = None,
     ) -> None:
         self.robot, self.driver, self.takes_targets = robot, driver, takes_targets
-        self.feed, self.pace, self.clips, self.kinds = feed, pace, clips, kinds
+        self.feed, self.pace, self.clips, self.kinds, self.person = feed, pace, clips, kinds, person
         self.settings, self.telemetry, self.heard, self.admission = settings, telemetry, heard, admission
         self.port, self.stop_port = settings.port if port is None else port, stop_port
         self.lines, self.transports = lines, transports
@@ -176,6 +179,7 @@ class _Server:
         from flexmotion.streamer.gateway.desk import Desk
         from flexmotion.streamer.gateway.lines import Lines
         from flexmotion.streamer.gateway.metrics import metrics_text
+        from flexmotion.streamer.gateway.mirror_state import MirrorState
         from flexmotion.streamer.gateway.pages import Pages
         from flexmotion.streamer.gateway.server import Connections, build_app
         from flexmotion.streamer.gateway.status import Status, status_of
@@ -198,6 +202,7 @@ class _Server:
             service.requests,
             on_lease=on_lease,
             takes_targets=service.takes_targets,
+            mirror=None if service.person is None else MirrorState(service.person),
         )
 
         def status() -> Status:

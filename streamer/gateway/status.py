@@ -13,6 +13,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.health import WORKS, Health
+from flexmotion.streamer.gateway.mirror_state import Mirrors
 
 _OLD_S = 0.5
 """A loop whose newest row is older does not run [s]."""
@@ -82,6 +83,8 @@ class Status(BaseModel):
         target: number of the newest target that the robot follows; 0: none yet.
         following: the newest target that came over the gateway and was accepted; null after a stop, without torque, and
             where the robot stands still for words that it does not understand.
+        mirrors: of a run that mirrors: "a person"; "nobody", since nobody is seen; "not yet", of a person who is seen
+            and not followed; "waits", after a stop, for the text "mirror". null in other runs.
         holding: what holds beside it, in order of the targets' numbers.
         operator: who holds the lease.
         counts: of messages, by what became of them.
@@ -112,6 +115,7 @@ class Status(BaseModel):
     missed_deadlines: int | None = None
     target: int | None = None
     following: Followed | None = None
+    mirrors: Mirrors | None = None
     holding: tuple[Holds, ...] = ()
     operator: str | None = None
     counts: dict[str, int] = {}
@@ -171,6 +175,8 @@ def status_of(
         for one in desk.holding
     )
     row = desk.row()
+    if desk.mirror is not None:
+        known["mirrors"] = desk.mirror.mirrors(row, time.perf_counter())
     if row is None:
         return Status(loop="silent", **known)
     age_s = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9

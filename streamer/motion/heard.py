@@ -37,6 +37,9 @@ stop, a fault or a planner that was started again."""
 NOT_DONE: tuple[State, ...] = ("refused", "partly")
 """States in which something that was asked is not done."""
 
+GOALS = ("heading", "waypoint")
+"""What is heard where the robot is to come to a heading or a place in its odometry."""
+
 _BYTES, _HELD_BYTES = 8000, 64_000
 
 
@@ -71,6 +74,19 @@ class HeardStep(BaseModel):
     end_s: float | None = None
     measured: float | None = None
     place: tuple[float, float, float] | None = None
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether its end is measured: it has an amount, a time limit, or a heading or a place to come to."""
+        return self.amount is not None or self.limit_s is not None or self.heard_as in GOALS
+
+    @property
+    def fate(self) -> str:
+        """What the robot did of it, and where it did not do it whole, why it ended."""
+        if self.end in (None, "done"):
+            return self.done
+        limit = f" of {self.limit_s:.3g} s" if self.end == "time limit" and self.limit_s is not None else ""
+        return f"{self.done} ({self.end}{limit})"
 
     @property
     def done(self) -> str:

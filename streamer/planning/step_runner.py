@@ -316,7 +316,9 @@ class StepRunner:
         value = done_of(at, step, (tick - at.begin_tick) / self.rate_hz)
         elapsed_s = (tick - at.begin_tick) / self.rate_hz
         if elapsed_s > step.limit_s:
-            self._next(row, "time limit", value)
+            # All of a gesture may be counted while the robot still comes to rest after it.
+            done = quantity == "times" and value >= amount
+            self._next(row, "done" if done else "time limit", value)
         elif self._navigator is not None:
             self._navigate(row, value)
         elif quantity == "time":

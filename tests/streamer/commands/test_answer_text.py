@@ -135,6 +135,15 @@ def test_a_place_and_a_heading_are_told_in_metres_and_degrees() -> None:
     assert told["follows"] == "heading 90°, of a"
 
 
+def test_a_run_that_mirrors_says_whom_and_how_it_goes_on() -> None:
+    """After a stop it read "nothing: it stands", while frames of a person kept coming."""
+    assert "mirrors" not in lines()
+    assert lines(mirrors="a person")["mirrors"] == "the person who is seen"
+    assert lines(mirrors="nobody")["mirrors"] == "nobody: nobody is seen"
+    for state in ("waits", "not yet"):
+        assert "flexmotion send mirror" in lines(mirrors=state)["mirrors"]
+
+
 def test_what_a_robot_that_follows_nothing_does_is_said_and_not_left_open() -> None:
     """It read "it stands, or its torque is off", whatever the state."""
     assert lines(state="OFF")["follows"] == lines(state="FAULT")["follows"] == "nothing: its torque is off"

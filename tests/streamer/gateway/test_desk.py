@@ -137,6 +137,60 @@ def test_what_is_measured_a_moment_after_the_stand_is_done_and_not_stopped(make_
     assert told == [("done", "wait two seconds: 2 s of 2 s; bow: 1 time of 1 time")]
 
 
+@pytest.mark.parametrize("late", ["step back", "bow"])
+def test_the_end_of_a_sequence_names_the_step_that_was_not_done_and_its_limit(make_office: Make, late: str) -> None:
+    """The end said "not done within its time limit", of two steps that both had a count, and not which limit.
+
+    Where only an earlier step was not done, the end was "done".
+    """
+    office, ends = make_office(), list[Ended]()
+    steps = [
+        HeardStep(text="step back", amount=1.0, unit="steps", limit_s=10.0, end="done", measured=1.0),
+        HeardStep(text="bow", amount=1.0, unit="times", limit_s=11.5, end="done", measured=1.0),
+    ]
+    missed = {"end": "time limit", "measured": 0.0}
+    steps = [step.model_copy(update=missed) if step.text == late else step for step in steps]
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    for _ in range(2):
+        office.run.answer(number, heard="bow", steps=tuple(steps))
+        office.desk.pump()
+    told = {
+        "step back": "step back: 0 steps of 1 step (time limit of 10 s); bow: 1 time of 1 time",
+        "bow": "step back: 1 step of 1 step; bow: 0 times of 1 time (time limit of 11.5 s)",
+    }
+    assert [(one.end, one.done) for one in ends] == [("time limit", told[late])]
+
+
+@pytest.mark.parametrize("kind", ["heading", "waypoint"])
+def test_a_goal_ends_as_it_was_measured_and_not_in_the_first_stand_on_its_way(
+    make_office: Make, clock: Clock, kind: str
+) -> None:
+    """Two of five headings ended as "stopped", and the log said "done".
+
+    Each move to a goal ends in a stand, which is measured up to four seconds later; the first stand counted as the end.
+    """
+    office, ends = make_office(), list[Ended]()
+    step = HeardStep(text=kind, heard_as=kind)
+    field = '"heading_rad":1.57' if kind == "heading" else '"position_m":[1,0]'
+    office.desk.receive(f'{{"type":"{kind}",{field}}}'.encode(), office.told.append, "a", ends.append)
+    number = office.run.arrived()[-1].id
+    office.run.answer(number, heard=kind, steps=(step,))
+    office.desk.pump()
+    for state in (State.STREAMING, State.HOLD, State.STREAMING, State.HOLD):  # a turn, a stand, what is missing
+        office.run.state = state
+        for _ in range(8):
+            clock.now += 0.5
+            office.run.step()
+            office.desk.pump()
+    assert ends == [] and office.desk.following is not None and office.desk.following.end is None
+    there = step.model_copy(update={"end": "done", "place": (0.0, 0.0, 1.57)})
+    office.run.answer(number, heard=kind, steps=(there,))
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("done", "stands at 0.00 m ahead, 0.00 m left, heading 90°")]
+    assert status_of(office.desk, "op3", "sim", 125.0, None).following.end == "done"  # type: ignore[union-attr]
+
+
 def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Make, clock: Clock) -> None:
     office = make_office()
     ends: list[Ended] = []
@@ -145,7 +199,7 @@ def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Mak
     office.run.answer(number, heard="bow", steps=(HeardStep(text="bow", amount=1.0, unit="times", limit_s=20.0),))
     office.desk.pump()
     office.run.state = State.HOLD
-    for _ in range(6):
+    for _ in range(12):
         clock.now += 0.5
         office.run.step()
         office.desk.pump()
@@ -373,7 +427,33 @@ def test_a_message_that_was_sent_too_long_ago_has_expired(make_office: Make, clo
     assert office.told[0].reason == "sent 0.6 s ago, it holds 0.5 s"
     assert office.told[1].reason == "stamp_s: 5.0 s in the future by this machine's clock"
     assert office.run.arrived() == []
-    office.ask(f'{{"type":"text","text":"wave","stamp_s":{now - 3600.0}}}')  # words hold until the next target
+
+
+@pytest.mark.parametrize("message", ['"type":"text","text":"wave"', '"type":"arm"', '"type":"clear"'])
+def test_what_holds_without_end_expires_all_the_same_where_it_comes_long_after_it_was_sent(
+    make_office: Make, clock: Clock, message: str
+) -> None:
+    """Words with a stamp of 1970 were accepted and done, while a stamp in the future was refused."""
+    office, now = make_office(take_up_s=2.0), 1.7e9 + clock.now
+    reader = office.requests.reader()
+    for stamp_s in (1.0, now - 2.1):
+        office.ask(f'{{{message},"stamp_s":{stamp_s}}}')
+    assert office.states == ["expired"] * 2 and office.run.arrived() == [] and not list(reader.read())
+    assert office.told[1].reason == "sent 2.1 s ago, without ttl_s it is taken up within 2 s"
+    office.ask(f'{{{message},"stamp_s":{now - 1.9}}}')
+    assert len(office.run.arrived()) + len(list(reader.read())) == 1
+
+
+def test_a_robot_is_disarmed_however_late_that_comes(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask('{"type":"disarm","stamp_s":1.0}')
+    assert [request for request, _ in reader.read()] == [Request.DISARM]
+
+
+def test_words_may_come_as_late_as_their_own_time_to_live_says(make_office: Make, clock: Clock) -> None:
+    office = make_office(take_up_s=2.0)
+    office.ask(f'{{"type":"text","text":"wave","ttl_s":60,"stamp_s":{1.7e9 + clock.now - 30.0}}}')
     assert len(office.run.arrived()) == 1
 
 

@@ -50,10 +50,10 @@ OWN: dict[str, dict[str, Any]] = {
     "text": {"text": WORDS},
     "clip": {"clip": WORDS},
     "velocity": {"velocity": st.tuples(*(st.floats(-limit, limit) for limit in FASTEST))},
-    "heading": {"heading_rad": st.floats(-1e3, 1e3), "turning_rad_s": st.none() | st.floats(0.05, 3.0)},
+    "heading": {"heading_rad": st.floats(-6.0, 6.0), "turning_rad_s": st.none() | st.floats(0.05, 3.0)},
     "waypoint": {
         "position_m": st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)),
-        "heading_rad": st.none() | st.floats(-1e3, 1e3),
+        "heading_rad": st.none() | st.floats(-6.0, 6.0),
         "tolerance_m": st.floats(0.03, 1.0),
     },
     "hand": {"side": SIDE, "position_m": PLACE, "tolerance_m": st.floats(0.0, 2.0), **TIMED},
@@ -159,6 +159,10 @@ def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> No
         ('{"type":"waypoint","position_m":[1e9,0]}', "position_m.0: 1000000000.0, expected -1000 to 1000 m"),
         ('{"type":"waypoint","position_m":[1,0],"tolerance_m":0.001}', "tolerance_m: 0.001, expected 0.03 to 1"),
         ('{"type":"heading","heading_rad":1,"turning_rad_s":0}', "turning_rad_s: 0, expected 0.05 to 3"),
+        # Degrees by mistake: headings of 90 and of 1000 rad were accepted, a joint was refused without the unit.
+        ('{"type":"heading","heading_rad":90}', "heading_rad: 90, expected -6.28319 to 6.28319 rad"),
+        ('{"type":"waypoint","position_m":[1,0],"heading_rad":-90}', "-90, expected -6.28319 to 6.28319 rad"),
+        ('{"type":"joint","joint":"l_el","angle_rad":-45}', "angle_rad: -45, expected -6.28319 to 6.28319 rad"),
         ('{"type":"kill"}', "confirm"),
         ('{"type":"stop","ttl_s":0}', "ttl_s"),
         ('{"type":"stop","source":"<script>"}', "source"),

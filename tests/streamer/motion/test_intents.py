@@ -40,8 +40,8 @@ _INTENTS = st.one_of(
     st.builds(Clip, _WORDS),
     st.builds(Text, _LINES),
     st.builds(Velocity, *(st.floats(-limit, limit) for limit in FASTEST)),
-    st.builds(Heading, st.floats(-1e3, 1e3), st.none() | st.floats(0.05, 3.0)),
-    st.builds(Waypoint, *[st.floats(-1e3, 1e3)] * 2, st.none() | st.floats(-1e3, 1e3), st.floats(0.03, 1.0)),
+    st.builds(Heading, st.floats(-6.0, 6.0), st.none() | st.floats(0.05, 3.0)),
+    st.builds(Waypoint, *[st.floats(-1e3, 1e3)] * 2, st.none() | st.floats(-6.0, 6.0), st.floats(0.03, 1.0)),
     st.just(Stop()),
     st.builds(Hand, _SIDES, _PLACES, st.floats(0.0, 10.0), st.floats(0.0, 2.0)),
     st.builds(FootPlace, _SIDES, st.tuples(*[st.floats(-1.0, 1.0)] * 2), st.floats(-3.0, 3.0), st.floats(0.0, 10.0)),
@@ -100,6 +100,13 @@ def test_an_intent_comes_back_from_shared_memory_bit_by_bit(intent: Intent) -> N
 def test_a_part_that_is_not_valid_is_refused_with_what_is(make: Callable[[], Intent], reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         make()
+
+
+@pytest.mark.parametrize("content", [{"heading": 90}, {"heading": [-90, 0.5]}, {"waypoint": [1.0, 0.0, 90]}])
+def test_a_heading_in_degrees_is_refused_with_the_unit(content: dict[str, Any]) -> None:
+    """A heading of 90, meant in degrees, was turned to as 90 rad."""
+    with pytest.raises(ConfigError, match=r"heading rad.*, finite and within ±6.28319; found -?90"):
+        from_content(content)
 
 
 def test_two_at_once_are_refused() -> None:

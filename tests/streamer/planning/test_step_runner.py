@@ -221,6 +221,19 @@ def test_a_gesture_that_does_not_come_back_is_not_done() -> None:
     assert robot.ends == ["time limit"] and robot.heard[-1].steps[0].measured == 0.0
 
 
+def test_a_gesture_that_was_counted_is_done_though_its_limit_comes_before_the_robot_rests() -> None:
+    """One "bow" ended by its time limit with 1 time of 1 time: the limit came while the robot settled after it."""
+    robot = Robot((0, program(step("bow", 1.0, "times", limit_s=3.0))))
+    robot.run(1.9)
+    robot.row.tilt[1] = 0.7
+    robot.run(0.5)
+    robot.row.tilt[1] = 0.0
+    robot.run(0.1)
+    assert robot.runner.resting and not robot.heard
+    robot.run(0.6)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 1.0
+
+
 def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
     robot = Robot((0, program(TURN, WAIT)), (60, program(WAIT, number=2)))
     robot.run(1.0, turn=0.1)
