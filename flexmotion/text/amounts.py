@@ -27,8 +27,14 @@ _SYMBOLS = {
 }
 _WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
 _DIGIT = re.compile(r"\d")
+_MINUS = re.compile(r"(?<![^\s(])(?:\u2212\s*|[-\u2013])(?=[\d.])")
+_MINUS_WORD = re.compile(r"(?<![^\s(])(?:\u2212\s*|[-\u2013])(?=([^\W\d_]+|[½¼¾]))")
+"""A minus sign stands in front of its number, whatever character it is; a dash between two spaces is punctuation."""
 _FRACTION = re.compile(r"(?<![\w./])(?:(\d+) )?([1-9])/([234568])(?![\w/])")
 _MARKS = frozenset(",.;:!?&")
+
+MINUS = ("minus", "negative")
+"""Words of the sign, in front of a number."""
 
 _JOINTS = ("and", "or", "to", "of", "more", "then", "further", "extra", "additional", "point", "dozen")
 
@@ -72,6 +78,7 @@ Token = str | Amount | Bare | Speed
 def words_of(sentence: str) -> list[str]:
     """Words, numbers and punctuation marks of a sentence, in lower case."""
     text = sentence.lower().replace("’", "'").replace("‘", "'")
+    text = _MINUS_WORD.sub(_minus, _MINUS.sub("-", text))
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
     if _DIGIT.search(text):
@@ -93,6 +100,13 @@ def _digits_read(text: str) -> str:
     for mark, unit in (('"', "inches"), ("'", "feet")):
         text = re.sub(rf"(?<=\d)\s?{mark}(?!\w)", f" {unit} ", text)
     return text
+
+
+def _minus(found: re.Match[str]) -> str:
+    """A sign in front of a word as "minus", where the word says a number."""
+    table = vocabulary().table
+    counts = found[1] in "½¼¾" or found[1] in table["numbers"] or found[1] in table["fractions"]
+    return "minus " if counts else found[0]
 
 
 def is_mark(token: Token) -> bool:
@@ -204,10 +218,12 @@ def _unit_count(amount: Amount) -> float:
 def _amount(words: list[str], place: int) -> tuple[Token, int]:
     """What begins at a word, and how many words it takes."""
     known = vocabulary()
-    if words[place] in ("minus", "negative"):
+    if words[place] in MINUS:
         token, used = _amount(words, place + 1) if place + 1 < len(words) else ("", 0)
         if isinstance(token, Amount):
             return Amount(-token.value, token.quantity, f"{words[place]} {token.said}"), used + 1
+        if isinstance(token, Bare):
+            return Bare(-token.value, f"{words[place]} {token.said}"), used + 1
     word, before = words[place], words[place - 1] if place else ""
     after = words[place + 1] if place + 1 < len(words) else ""
     if word in known.table["counts"] and before != "at" and after not in ("more", "again", "you", "you've"):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from math import pi
 
-from flexmotion.text.amounts import LEAST_BARE, Amount, Bare, Token
+from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
 from flexmotion.text.paces import Speed
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, taught
@@ -45,6 +46,14 @@ def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Toke
         else:
             extra.append(token.said)
     return amount, times, counted, rest, extra
+
+
+def signed(tokens: list[Token]) -> str | None:
+    """A minus in front of an amount or a speed that takes none, with it; None where there is none."""
+    for token, after in pairwise(tokens):
+        if token in MINUS and not isinstance(after, str):
+            return f"{token} {after.said}"
+    return None
 
 
 def is_count(amount: Amount) -> bool:

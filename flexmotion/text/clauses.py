@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
-from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, speed_of
+from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, signed, speed_of
 from flexmotion.text.paces import Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -52,6 +52,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         tokens = _without_tail(tokens, condition.split()[0])
     if (again := _repeats(tokens)) is not None:
         return Clause(said, sentence, refusal=f"{again!r}: nothing is repeated by the clock; say how often")
+    if (sign := signed(tokens)) is not None:
+        return Clause(said, sentence, refusal=f"{sign!r}: expected more than 0")
     tokens, posture = without_posture(tokens)
     dropped += [] if posture is None else [posture]
     uncountable = next((t for t in tokens if isinstance(t, Amount) and not is_count(t)), None)

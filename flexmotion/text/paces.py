@@ -112,7 +112,7 @@ def _share(words: list[str], place: int) -> tuple[float, int] | None:
         return float(table["counts"][word]), used
     number = number_at(words, place)
     unit = "" if number is None else _at(words, place + number.used)
-    if number is None or number.rough or unit not in ("percent", "times"):
+    if number is None or number.rough or number.value < 0.0 or unit not in ("percent", "times"):
         return None
     return (number.value / 100.0 if unit == "percent" else number.value), number.used + 1
 

@@ -17,16 +17,35 @@ Foot = Literal["left", "right", "both"]
 Limb = Literal["left arm", "right arm", "both arms", "head"]
 
 _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
+_MINUS = re.compile(r"(?<![\w.])[-\u2212\u2013]\s?(?=[\w.])")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
 
-_OWN = r"(?:your|the|its|his|her)"
+_OWN = r"(?:your|ur|the|its|his|her)"
 _BOTH = rf"both\s(?:of\s)?(?:{_OWN}\s)?(?:feet|legs)|{_OWN}\s(?:both\s)?(?:feet|legs)"
-_FOOT = rf"(?:{_OWN}\s(?P<side>left|right)\s(?:foot|leg)|{_BOTH})"
-_DOWN = r"(?:down|planted|(?:(?:down|flat|planted)\s)?on\s(?:the\s)?(?:ground|floor))"
+_ONE = rf"(?:{_OWN}\s)?(?P<side>left|right)\s(?:foot|leg)"
+_FOOT = rf"(?:{_ONE}|{_BOTH})"
+_ON = r"on\s(?:the\s)?(?:ground|floor)"
+_DOWN = rf"(?:down|planted|still|(?:(?:down|flat|planted)\s)?{_ON})"
 _OFF = r"(?:\s(?:up|off\s(?:the\s)?(?:ground|floor)))?"
-_KEEP = re.compile(rf"(?:keep|leave|hold)\s{_FOOT}\s{_DOWN}")
-_NEVER = re.compile(rf"(?:do\snot|don\st|dont|never)\s(?:lift|raise)\s{_FOOT}{_OFF}")
-_FREE = re.compile(rf"you\s(?:may|can)\s(?:lift|raise|move)\s{_FOOT}{_OFF}(?:\sagain)?")
+_NEVER = r"(?:do\snot|don\st|dont|never)"
+_LEAVES = r"(?:leave|come\soff|lift\soff)\s(?:the\s)?(?:ground|floor)"
+_KEPT = tuple(
+    re.compile(pattern)
+    for pattern in (
+        rf"(?:keep|leave|hold)\s{_FOOT}\s{_DOWN}",
+        rf"(?:make\ssure\s(?:that\s)?)?{_FOOT}\s(?:(?:must|should|has\sto|have\sto)\s)?(?:stays?|remains?)\s{_DOWN}",
+        rf"plant\s{_FOOT}(?:\sdown)?(?:\s{_ON})?",
+        rf"{_NEVER}\s(?:lift|raise)\s(?:up\s)?{_FOOT}{_OFF}",
+        rf"{_NEVER}\smove\s{_ONE}",  # "don't move your feet" asks for a stand, and holds nothing
+        rf"{_NEVER}\slet\s{_FOOT}\s{_LEAVES}",
+        rf"{_FOOT}\s(?:must|should|may)\s(?:not|never)\s{_LEAVES}",
+    )
+)
+_FREE = (
+    re.compile(rf"you\s(?:may|can)\s(?:lift|raise|move)\s{_FOOT}{_OFF}(?:\sagain)?"),
+    re.compile(rf"let\s{_FOOT}\sgo(?:\sagain)?"),
+    re.compile(rf"(?:let\sgo\sof|release)\s{_FOOT}(?:\sagain)?"),
+)
 
 _JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "neck")
 _PLURALS = {"hips": "hip", "knees": "knee", "ankles": "ankle", "shoulders": "shoulder", "elbows": "elbow"}
@@ -75,9 +94,10 @@ class RestrictionPhrase:
 
 def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
     """What a whole sentence restricts or lets go; None where it asks for anything else."""
-    words = " ".join(POLITE.sub(" ", " ".join(_WORD.findall(_UNIT.sub(" nm ", sentence.lower())))).split())
-    for pattern, lets_go in ((_KEEP, False), (_NEVER, False), (_FREE, True)):
+    words = restriction_words(sentence)
+    for pattern in (*_KEPT, *_FREE):
         if (found := pattern.fullmatch(words)) is not None:
+            lets_go = pattern in _FREE
             return RestrictionPhrase(foot=_foot(found["side"]), lets_go=lets_go)
     for pattern, tension in _TENSIONS:
         if (found := pattern.fullmatch(words)) is not None:
@@ -89,6 +109,12 @@ def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
     if found is None or limit is None:
         return None
     return RestrictionPhrase(joint=_joint(found["joint"]), limit=limit)
+
+
+def restriction_words(sentence: str) -> str:
+    """Words and numbers of a sentence in lower case, "nm" for the unit of a torque, "minus" for its sign."""
+    text = _MINUS.sub(" minus ", _UNIT.sub(" nm ", sentence.lower()))
+    return " ".join(POLITE.sub(" ", " ".join(_WORD.findall(text))).split())
 
 
 def _foot(side: str | None) -> Foot:

@@ -29,6 +29,7 @@ from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
+from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
@@ -79,6 +80,8 @@ class Hearing:
         return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text=words, heard_as=STAND)),), heard)
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
+        if (restricts := restriction_refusal(sentence)) is not None:
+            return self._refused(sentence, restricts, ())
         clauses = self._requests(sentence)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)

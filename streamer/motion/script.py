@@ -12,6 +12,7 @@ or of clips, each with `clip: FILE`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,10 +23,22 @@ import yaml
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import not_yaml
 from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, from_content, word_of
-from flexmotion.streamer.motion.part_intents import PartIntent
+from flexmotion.streamer.motion.part_intents import PARTS, PartIntent
 
 _ITEM = (
     "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | heading: RAD | waypoint: [x, y] | clip: FILE | stop: true}"
+)
+_WORDS = tuple(word for word in WORDS if word not in PARTS)
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads numbers as YAML 1.2 does: of 1.1, which PyYAML knows, "1e9" and "-.1" are words."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+\.[0-9]*|[0-9]+(?=[eE]))(?:[eE][-+]?[0-9]+)?$"),
+    list("-+.0123456789"),
 )
 
 
@@ -46,7 +59,7 @@ def load_script(file: str | Path) -> list[Item]:
     file = Path(file)
     try:
         text = file.read_text(encoding="utf-8")
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = yaml.compose(text, Loader=_Loader)
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -73,7 +86,7 @@ def check_script(items: Sequence[Item]) -> None:
 def _check_order(where: str, item: Item, before: list[Item]) -> None:
     """Raise `ConfigError` if an item may not follow the ones before it."""
     if isinstance(item.intent, PartIntent):
-        raise ConfigError(f"{where}: {word_of(item.intent)} is sent to a run (flexmotion send); expected {_ITEM}")
+        raise ConfigError(f"{where}: {_for_a_run(word_of(item.intent))}")
     if not before:
         if item.at != 0 or isinstance(item.intent, Stop):
             raise ConfigError(f"{where}: a script starts with something to do at: 0, expected {_ITEM}")
@@ -90,17 +103,24 @@ def _check_order(where: str, item: Item, before: list[Item]) -> None:
         )
 
 
+def _for_a_run(word: str) -> str:
+    return f"{word} is sent to a run (flexmotion send); expected {_ITEM}"
+
+
 def _item(where: str, node: yaml.Node, folder: Path) -> Item:
     if not isinstance(node, yaml.MappingNode):
         raise ConfigError(f"{where}: expected {_ITEM}")
     content: dict[str, Any] = {}
     for key, value in node.value:
-        content[str(key.value)] = yaml.safe_load(yaml.serialize(value))
-        if key.value not in ("at", *WORDS):
-            raise ConfigError(
-                f"{where.rsplit(' ', 1)[0]} {key.start_mark.line + 1}: unknown word {key.value!r}, "
-                f"expected at and one of: {', '.join(WORDS)}"
-            )
+        line = f"{where.rsplit(' ', 1)[0]} {key.start_mark.line + 1}"
+        if key.value in PARTS:
+            raise ConfigError(f"{line}: {_for_a_run(key.value)}")
+        if key.value not in ("at", *_WORDS):
+            raise ConfigError(f"{line}: unknown word {key.value!r}, expected at and one of: {', '.join(_WORDS)}")
+        content[str(key.value)] = yaml.load(yaml.serialize(value), Loader=_Loader)
+    if len(found := [word for word in _WORDS if word in content]) != 1:
+        named = " and ".join(found) or "none"
+        raise ConfigError(f"{where}: expected exactly one of: {', '.join(_WORDS)}; found {named}")
     try:
         intent = from_content(content)
     except ConfigError as error:

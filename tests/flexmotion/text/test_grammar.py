@@ -60,6 +60,37 @@ def test_an_amount_is_read_in_words_and_digits(sentence: str, value: float, quan
     assert amounts(sentence) == [(round(value, 4), quantity)]
 
 
+@pytest.mark.parametrize("sign", ["-", "\N{MINUS SIGN}", "\N{MINUS SIGN} ", "\N{EN DASH}", "minus ", "negative "])
+@pytest.mark.parametrize("number", ["2", "two", "half a", ".5"])
+def test_a_sign_is_read_whatever_character_or_word_it_is(sign: str, number: str) -> None:
+    """The robot walked two metres ahead for "-two metres", and for two with a typeset minus sign."""
+    ((value, _),) = amounts(f"walk {number} metres")
+    assert amounts(f"walk {sign}{number} metres") == [(-value, "length")]
+
+
+@pytest.mark.parametrize(
+    "sentence", ["walk forward - 2 steps", "walk forward \N{EN DASH} two steps", "a two-step walk"]
+)
+def test_a_dash_between_words_is_no_sign(sentence: str) -> None:
+    assert amounts(sentence) == [(2.0, "steps")]
+
+
+@pytest.mark.parametrize(
+    "speed", ["at -50 % speed", "at minus half speed", "-50 % faster", "with minus half the speed"]
+)
+def test_no_speed_is_below_nothing(speed: str) -> None:
+    """The sign was not read, or the speed taken for the least one there is."""
+    (clause,) = parse(f"walk {speed}")
+    assert clause.refusal is not None
+
+
+@pytest.mark.parametrize("angle", ["minus 90", "minus ninety", "negative ninety"])
+def test_an_angle_without_its_unit_has_a_sign_too(angle: str) -> None:
+    """The robot turned by +90° for "turn left minus 90"."""
+    (clause,) = parse(f"turn left {angle}")
+    assert clause.amount is not None and clause.amount.value == pytest.approx(-math.pi / 2)
+
+
 @pytest.mark.parametrize(
     "sentence", ["take a turn left", "stand on one foot", "stop at once", "walk in a circle", "raise one hand"]
 )

@@ -19,6 +19,16 @@ from flexmotion.text.restriction_phrases import RestrictionPhrase, restriction_p
         ("leave your left leg down on the floor", "left"),
         ("don't lift your right foot", "right"),
         ("do not lift your feet off the ground", "both"),
+        ("keep the left foot still", "left"),  # walked to the left
+        ("keep left foot down", "left"),
+        ("plant your left foot", "left"),  # walked to the left
+        ("your left foot stays down", "left"),  # stood, and kept nothing, as those that follow
+        ("dont lift ur left foot", "left"),
+        ("make sure your right foot stays on the floor", "right"),
+        ("never let your right foot leave the ground", "right"),
+        ("your feet must not leave the ground", "both"),
+        ("don't move your left foot", "left"),
+        ("keep your feet still", "both"),
     ],
 )
 def test_a_foot_is_kept_on_the_ground(sentence: str, foot: str) -> None:
@@ -31,6 +41,8 @@ def test_a_foot_is_kept_on_the_ground(sentence: str, foot: str) -> None:
         ("you may lift your feet again", "both"),
         ("You can lift your left foot again.", "left"),
         ("now you may move both feet", "both"),
+        ("let your left foot go", "left"),  # walked to the left
+        ("release both feet", "both"),
     ],
 )
 def test_a_foot_is_let_go(sentence: str, foot: str) -> None:
@@ -87,7 +99,8 @@ def test_limbs_are_softened_and_stiffened(sentence: str, limb: str, tension: flo
         "stiffen his neck",
         "walk with relaxed arms",
         "raise your arms",
-        "keep your feet still",
+        "keep your feet still and bow",
+        "don't move your feet",
         "keep your left foot up",
         "keep your feet on the ground and wave",
         "lift your left foot",

@@ -191,6 +191,26 @@ def test_a_prohibition_that_cannot_be_kept_refuses_its_sentence_by_name(hearing:
     assert heard.state == "refused" and prohibition.removeprefix("but ") in str(heard.reason)
 
 
+@pytest.mark.parametrize(
+    "say",
+    [
+        "keep your left foot down",  # accepted as a stand in a prompt, and walked over by the next item
+        "keep your left foot dwn",  # walked to the left
+        "keep your left foot down then walk two steps",  # walked
+        "keep your left foot down and wave",
+        "walk forward but keep your left foot on the ground",
+        "no more than 1 newton metre at the knee",  # "the number in it has no unit that is known"
+        "walk and stiffen your arms",  # raised both hands
+        "relax your left arm",  # raised it
+        "let your arms go",
+    ],
+)
+def test_what_would_restrict_the_robot_is_refused_by_name_and_moves_nothing(hearing: Hearing, say: str) -> None:
+    program = hear(hearing, say)
+    assert program.heard.state == "refused" and not moves(program)
+    assert str(program.heard.told()).startswith(repr(say)) and "flexmotion send" in str(program.heard.reason)
+
+
 def test_a_repeat_slowed_down_says_its_own_speed(hearing: Hearing) -> None:
     """The answer to "do that again, but slower" said the speed of the motion before."""
     program = hear(hearing, "do that again, but slower", "walk forward")

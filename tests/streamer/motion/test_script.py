@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.script import Item, load_script
 
 
@@ -77,6 +77,42 @@ def test_refused(text: str, expected: str, tmp_path: Path) -> None:
     assert str(error.value).startswith(str(file))
     assert expected in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "part", ["contact: {foot: left}", "torque: {joint: knee, limit: 1}", "tension: {limb: head, tension: 0}", "hand: 3"]
+)
+def test_what_is_sent_to_a_run_is_refused_and_is_not_among_what_is_expected(part: str, tmp_path: Path) -> None:
+    """The list of what is expected named contact, which the next line refused."""
+    word = part.partition(":")[0]
+    for item in (f"{{at: 0, {part}}}", f"{{at: 0, text: wave, {part}}}"):
+        with pytest.raises(
+            ConfigError, match=rf"line 1: {word} is sent to a run \(flexmotion send\); expected"
+        ) as error:
+            load_script(script(tmp_path, f"- {item}\n"))
+        assert str(error.value).count(word) == 1
+    for item in ("{at: 0}", "{at: 0, dance: true}"):
+        with pytest.raises(ConfigError) as error:
+            load_script(script(tmp_path, f"- {item}\n"))
+        assert word not in str(error.value) and "text, velocity, heading, waypoint, stop" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("number", "value"),
+    [("-.1", -0.1), (".5", 0.5), ("+.25", 0.25), ("1e-1", 0.1), ("-2E-1", -0.2), ("1.e-1", 0.1), ("5e-1", 0.5)],
+)
+def test_numbers_are_read_as_the_documents_write_them(number: str, value: float, tmp_path: Path) -> None:
+    """The numbers "-.1" and "1e-1" were words: PyYAML reads YAML 1.1."""
+    file = script(tmp_path, f"- {{at: 0e0, velocity: [{number}, 0, 0]}}\n- {{at: 1e9, waypoint: [{number}, 0]}}\n")
+    (first, second) = load_script(file)
+    assert first == Item(0.0, Velocity(value, 0.0, 0.0))
+    assert second.at == 1e9 and second.intent == Waypoint(value, 0.0)
+
+
+@pytest.mark.parametrize("words", ["'1e9'", '"-.1"', "1e9 steps", "e9", "-", "1.2.3"])
+def test_what_is_quoted_or_no_number_stays_words(words: str, tmp_path: Path) -> None:
+    (item,) = load_script(script(tmp_path, f"- {{at: 0, text: {words}}}\n"))
+    assert item.intent == Text(words.strip("'\""))
 
 
 def test_missing_file(tmp_path: Path) -> None:
