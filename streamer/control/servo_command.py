@@ -309,7 +309,7 @@ class ServoCommand:
         """Lowest and highest goal whose torque a servo may make at these positions and velocities, (..., n) each [rad].
 
         What a foot that strikes adds is left free: at most all that the servo gives, so that there is always a goal
-        between the two.
+        between the two at one state.
 
         Args:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
