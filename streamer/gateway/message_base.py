@@ -28,9 +28,8 @@ class MessageBase(BaseModel):
         source: who sends, such as "page" or "joystick"; its priority is set in the stream settings, not here.
         sequence: number of the message among those of its source; one that does not ascend is refused.
         stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
-            expired; so has one without `ttl_s` that is older than `take_up_s` of the stream settings, but for
-            what brings the robot to rest. Without a stamp
-            its age counts from its arrival.
+            expired; so has one without `ttl_s` that is older than `take_up_s` of the stream settings, but for what
+            brings the robot to rest. Without a stamp its age counts from its arrival.
         ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity, and a part of
             the body, hold as long as the stream settings say, all others until the next target.
     """
