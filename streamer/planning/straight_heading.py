@@ -17,8 +17,12 @@ _EVERY_S = 0.1
 """Time between two looks at the human [s]."""
 _INTEGRAL = 0.1
 """Of what the robot looks aside by its odometry, against what it looks aside of its human [1/s]."""
-_MOST, _FASTEST = 0.2, 0.1
-"""What is taken off at most [rad], and how fast that changes [rad/s]: a human that turns is not held back for long."""
+_MOST_OWN = 0.1
+"""Most of that [rad]."""
+MOST, FASTEST = 0.6, 0.3
+"""What is taken off at most [rad], and how fast that changes [rad/s]: a human that steps aside looks up to 30° to a
+side within 2 s. In the time between two plans it changes by less than what passes for a robot that was turned by hands
+(`retarget/view.py`)."""
 
 
 class StraightHeading:
@@ -48,8 +52,8 @@ class StraightHeading:
         if math.isnan(self._straight):
             self._straight = heading
         error = math.remainder(facing - self._facing, math.tau)
-        self._own = min(max(self._own + _INTEGRAL * error * passed, -0.5 * _MOST), 0.5 * _MOST)
+        self._own = min(max(self._own + _INTEGRAL * error * passed, -_MOST_OWN), _MOST_OWN)
         wanders = math.remainder(heading - self._straight, math.tau)
-        found = self._before + min(max(wanders + self._own, -_MOST), _MOST)
-        most = _FASTEST * passed
+        found = self._before + min(max(wanders + self._own, -MOST), MOST)
+        most = FASTEST * passed
         self.aside += min(max(found - self.aside, -most), most)
