@@ -40,7 +40,7 @@ class Intake:
         self._channel, self._on_note = channel, on_note
         self._reader, self._clock = FrameReader(), SenderClock()
         self._told: set[str] = set()
-        self._measured = False
+        self._told_height = False
 
     def take(self, datagram: bytes, address: Address, now_s: float) -> None:
         """Take a datagram.
@@ -86,9 +86,10 @@ class Intake:
     def _tell_state(self, height: float | None) -> None:
         if self.person.trouble is not None:
             self._tell(f"mirror: {self.person.trouble}")
-        if height is not None and not self._measured:
+        if height is not None and not self._told_height:
             self._on_note(f"mirror: a person of {height:.2f} m is measured")
-        self._measured = self.person.measured
+        # The frame that ends the measurement brings no pose yet; another person is told anew.
+        self._told_height = self.person.measured and (self._told_height or height is not None)
 
     def _tell(self, message: str) -> None:
         """Tell a message once; of endless kinds of nonsense the first few."""

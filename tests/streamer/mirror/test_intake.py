@@ -65,3 +65,12 @@ def test_a_second_sender_is_named_once(frames: list[tuple[float, Frame]]) -> Non
         for sender in (SENDER, OTHER):
             intake.take(json.dumps(frame).encode(), sender, at)
     assert sum("second sender" in note for note in notes) == 1
+
+
+def test_the_person_is_told_once_measured() -> None:
+    """Nothing was told where each frame brought one pose, as over a wire that loses none."""
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+    for at, datagram in clip_frames(shipped(3.0)):
+        intake.take(datagram, SENDER, at)
+    assert sum("is measured" in note for note in notes) == 1
