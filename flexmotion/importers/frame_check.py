@@ -23,7 +23,7 @@ EXCHANGED_M, EXCHANGED = 0.12, 0.4
 the second share of that to where they were."""
 
 UPRIGHT = 0.7
-"""Least height of the shoulders above the lower ankle of a person whom a robot can follow, over the length of the legs.
+"""A person is followed while the shoulders are at least so high above the lower ankle, over the length of the legs.
 130 clips of both collections: less where somebody climbs, sits on the floor or dances with a hand on it, .8 in the
 deepest crouch. With another axis up, or upside down, their medians are less (one walk: .85)."""
 

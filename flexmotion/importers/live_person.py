@@ -165,7 +165,7 @@ class LivePerson:
     def _refuse(self, frame: Frame, time_s: float, reason: str) -> list[LivePose]:
         self.refused[reason] += 1
         if reason == "not upright":
-            # The body is measured from an unbroken second: somebody who lies seems upright in some frames of a motion.
+            # The body is measured from an unbroken second: single frames of a person who lies may look upright.
             self._first = []
         if reason not in _OTHER:
             return []

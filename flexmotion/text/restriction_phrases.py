@@ -20,10 +20,11 @@ _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
 _MINUS = re.compile(r"(?<![\w.])[-\u2212\u2013]\s?(?=[\w.])")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
 
-_OWN = r"(?:your|ur|the|its|his|her)"
-_BOTH = rf"both\s(?:of\s)?(?:{_OWN}\s)?(?:feet|legs)|{_OWN}\s(?:both\s)?(?:feet|legs)"
-_ONE = rf"(?:{_OWN}\s)?(?P<side>left|right)\s(?:foot|leg)"
-_FOOT = rf"(?:{_ONE}|{_BOTH})"
+OWN = r"(?:your|ur|the|its|his|her)"
+BOTH_FEET = rf"(?:both\s(?:of\s)?(?:{OWN}\s)?|{OWN}\s(?:both\s)?)(?:feet|legs)"
+"""Words for whose a part of the body is, and for both feet, as patterns."""
+_ONE = rf"(?:{OWN}\s)?(?P<side>left|right)\s(?:foot|leg)"
+_FOOT = rf"(?:{_ONE}|{BOTH_FEET})"
 _ON = r"on\s(?:the\s)?(?:ground|floor)"
 _DOWN = rf"(?:down|planted|still|(?:(?:down|flat|planted)\s)?{_ON})"
 _OFF = r"(?:\s(?:up|off\s(?:the\s)?(?:ground|floor)))?"
@@ -50,7 +51,7 @@ _FREE = (
 _JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "neck")
 _PLURALS = {"hips": "hip", "knees": "knee", "ankles": "ankle", "shoulders": "shoulder", "elbows": "elbow"}
 _PLURALS |= {"wrists": "wrist"}
-_JOINT = rf"(?:{_OWN}\s)?(?:both\s)?(?:{_OWN}\s)?(?P<joint>(?:(?:left|right)\s)?(?:{'|'.join([*_PLURALS, *_JOINTS])}))"
+_JOINT = rf"(?:{OWN}\s)?(?:both\s)?(?:{OWN}\s)?(?P<joint>(?:(?:left|right)\s)?(?:{'|'.join([*_PLURALS, *_JOINTS])}))"
 _NUMBER = r"(?P<number>[\w. ]+?)\snm"
 _MOST = r"(?:use\s|put\s|apply\s)?(?:no\smore\sthan|at\smost|a\smaximum\sof|not\smore\sthan)"
 _AT_MOST = re.compile(rf"{_MOST}\s{_NUMBER}\s(?:of\storque\s)?(?:at|in|on|for|with|from)\s{_JOINT}")

@@ -12,14 +12,12 @@ from collections.abc import Iterator
 from itertools import islice, product
 
 from flexmotion.text.amounts import tokens_of
-from flexmotion.text.restriction_phrases import restriction_phrase, restriction_words
+from flexmotion.text.restriction_phrases import BOTH_FEET, OWN, restriction_phrase, restriction_words
 from flexmotion.text.rewording import reworded
 from flexmotion.text.spelling import LEAST_LIKENESS, unknown_words
 from flexmotion.text.wording import plain, taught
 
-_OWN = r"(?:your|ur|the|its|his|her)"
-_SIDED = rf"(?:{_OWN}\s)?(?P<side>left|right)\s(?:foot|feet|leg|heel|toes?|sole)"
-_FEET = rf"(?:both\s(?:of\s)?(?:{_OWN}\s)?|{_OWN}\s(?:both\s)?)(?:feet|legs)"
+_SIDED = rf"(?:{OWN}\s)?(?P<side>left|right)\s(?:foot|feet|leg|heel|toes?|sole)"
 _FLOOR = r"(?:ground|floor)"
 _NOT = r"(?:not|never|no|don\st|dont|cannot|without|avoid|mustn\st|won\st)"
 _MUST = r"(?:must|should|has\sto|have\sto|is\sto|needs?\sto|will|always)"
@@ -34,14 +32,14 @@ _FOOT_KEPT = tuple(
         rf"let\s{_SIDED}\sgo",
         rf"(?:keep|hold|stay|remain)\sstill\s\w+\s{_SIDED}",
         # Of both feet the grammar knows "do not move your feet, …", which other requests go with.
-        rf"(?:keep|hold|leav)(?:e|s|ing)?\s{_FEET}\s(?:flat\s|down\s|planted\s)*(?:on\s(?:the\s)?{_FLOOR}|down|planted)",
-        rf"{_FEET}\s(?:{_MUST}\s)*(?:stays?|remains?)\s(?:flat\s|down\s|planted\s)*(?:on\s(?:the\s)?{_FLOOR}|down|planted)",
-        rf"{_NOT}\s(?:lift|rais)(?:e|s|ing)?\s(?:up\s)?{_FEET}",
+        rf"(?:keep|hold|leav)(?:e|s|ing)?\s{BOTH_FEET}\s(?:flat\s|down\s|planted\s)*(?:on\s(?:the\s)?{_FLOOR}|down|planted)",
+        rf"{BOTH_FEET}\s(?:{_MUST}\s)*(?:stays?|remains?)\s(?:flat\s|down\s|planted\s)*(?:on\s(?:the\s)?{_FLOOR}|down|planted)",
+        rf"{_NOT}\s(?:lift|rais)(?:e|s|ing)?\s(?:up\s)?{BOTH_FEET}",
     )
 )
 _TORQUE = re.compile(r"\b(?:nm|newtons?|torques?)\b")
 
-_LIMB = rf"(?:both\s(?:of\s)?)?(?:{_OWN}\s)?(?:both\s)?(?:left\s|right\s)?(?:arms?|head|neck|hands?|shoulders?)"
+_LIMB = rf"(?:both\s(?:of\s)?)?(?:{OWN}\s)?(?:both\s)?(?:left\s|right\s)?(?:arms?|head|neck|hands?|shoulders?)"
 _SOFT = r"(?:soft|loose|stiff|tense|firm)(?:e?r)?|slack(?:er)?|limp(?:er)?|floppy|floppier|rigid|relaxed|free"
 _TENSE = re.compile(
     rf"(?P<undone>\b(?:{_NOT}|stop)\s(?:\w+\s)?)?(?<!to\s)\b(?:"

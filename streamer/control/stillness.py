@@ -95,12 +95,9 @@ class Stillness:
         moves = away > SLIP * span + self._slip
         if not every(known):
             moves |= ~known
-        led[0], led[1] = predicted, position
         if some(moves):
-            np.copyto(self._where, position, where=moves)
-            for values in (lowest, highest):
-                np.copyto(values, led, where=moves)
-        led[1] = goal
+            self._begin(moves, position, predicted)
+        led[0], led[1] = predicted, goal
         np.minimum(lowest, led, out=lowest)
         np.maximum(highest, led, out=highest)
         np.subtract(highest, lowest, out=self._spans)
@@ -117,9 +114,13 @@ class Stillness:
         self._returned[gone | ~late] = 0
         forgotten = self._returned > self._returned_for
         if some(forgotten):
-            np.copyto(self._where, position, where=forgotten)
-            led[0], led[1] = predicted, position
-            for values in (lowest, highest):
-                np.copyto(values, led, where=forgotten)
+            self._begin(forgotten, position, predicted)
             self._late[forgotten] = 0.0
         self._any_late = some(self._late)
+
+    def _begin(self, which: NDArray[np.bool_], position: Float, predicted: Float) -> None:
+        """What some joints were led by counts from here on."""
+        self._led[0], self._led[1] = predicted, position
+        np.copyto(self._where, position, where=which)
+        for values in (self._lowest, self._highest):
+            np.copyto(values, self._led, where=which)

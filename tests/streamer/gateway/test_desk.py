@@ -188,7 +188,8 @@ def test_a_goal_ends_as_it_was_measured_and_not_in_the_first_stand_on_its_way(
     office.run.answer(number, heard=kind, steps=(there,))
     office.desk.pump()
     assert [(one.end, one.done) for one in ends] == [("done", "stands at 0.00 m ahead, 0.00 m left, heading 90°")]
-    assert status_of(office.desk, "op3", "sim", 125.0, None).following.end == "done"  # type: ignore[union-attr]
+    followed = status_of(office.desk, "op3", "sim", 125.0, None).following
+    assert followed is not None and followed.end == "done"
 
 
 def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Make, clock: Clock) -> None:
