@@ -54,13 +54,15 @@ class Stillness:
         needed = (FAR_SHARE * robot.usable_torque + 2 * friction) / robot.kp
         self._far = np.maximum(needed, LEAST_TICKS * robot.tick_rad)
         self._slip = SLIP_TICKS * robot.tick_rad
-        # Where joints are read in turns, a position and what it was moved by are up to two turns apart.
+        # Where joints are read in turns, a position and what it was moved by are up to two turns apart: a joint may
+        # have been away and back in one of them, and for another it is not known that its prediction is back.
+        self._turns = turns
         self._patience = round(STILL_S * robot.rate_hz) + (2 * turns if turns > 1 else 0)
         self._where, self._away, self.span = np.zeros(n), np.zeros(n), np.zeros(n)
         # Of the prediction, and of the goal, beginning at the joint.
         self._led, self._lowest, self._highest, self._spans = (np.zeros((2, n)) for _ in range(4))
         self._late, self._any_late = np.zeros(n), False  # in ticks of a stiff joint
-        self._returned, self._returned_for = np.zeros(n, np.intp), round(RETURNED_S * robot.rate_hz)  # in ticks
+        self._returned, self._returned_for = np.zeros(n, np.intp), turns + round(RETURNED_S * robot.rate_hz)  # in ticks
 
     @property
     def worst(self) -> int | None:
@@ -108,10 +110,10 @@ class Stillness:
         np.subtract(position, predicted, out=away)
         np.abs(away, out=away)
         gone = away > 0.5 * self._far
-        np.add(self._late, share, out=self._late, where=gone)
-        self._late[~late] = 0.0
         self._returned += 1
         self._returned[gone | ~late] = 0
+        np.add(self._late, share, out=self._late, where=self._returned < self._turns)
+        self._late[~late] = 0.0
         forgotten = self._returned > self._returned_for
         if some(forgotten):
             self._begin(forgotten, position, predicted)

@@ -248,3 +248,31 @@ def test_a_joint_that_is_read_in_turns_stands_still_between_its_readings(op3: Ro
         arm.predicted = begin + (1.0 if tick > 1 else 0.0)
         arm.tick()
     assert arm.blocked
+
+
+@pytest.mark.parametrize("turns", [8, 40])
+def test_a_blocked_joint_that_is_read_in_turns_is_found_after_one_swing(op3: Robot, turns: int) -> None:
+    """Only the time in which its prediction was elsewhere counted: a shoulder was blocked, and nobody was told."""
+    arm = Joint(op3, "l_sho_pitch", turns)
+    begin, away = arm.position, TICKS + turns + 2  # longer than any joint that follows stands still in its readings
+    for tick in range(away):
+        arm.predicted = begin + 2 * arm.far * np.sin(np.pi * (tick + 1) / (away + 1)) ** 0.1
+        arm.tick()
+    arm.predicted = begin
+    for _ in range(turns):
+        arm.tick()
+    assert arm.blocked
+
+
+@pytest.mark.parametrize("turns", [8, 40])
+def test_a_swing_between_two_readings_is_not_seen(op3: Robot, turns: int) -> None:
+    arm = Joint(op3, "l_sho_pitch", turns)
+    begin = arm.position
+    for _ in range(5):
+        for tick in range(turns):
+            arm.predicted = begin + 2 * arm.far * np.sin(np.pi * tick / turns)
+            arm.tick()
+        arm.predicted = begin
+        for _ in range(round(1.5 * RETURNED_S * RATE) + turns):
+            arm.tick()
+            assert not arm.blocked
