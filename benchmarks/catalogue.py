@@ -130,6 +130,9 @@ CATALOGUE = (
         "anything else moves; shown kinds less than a fifth nearer to the person's; .9 of them done",
     ),
     Benchmark("model/delivered", "4 min", (), "residual 2 % of weight, ZMP outside 2 %, jerk 1.5 x, skate 1.2 x"),
+    Benchmark(
+        "model/distributions", "4 min", (Need.SET,), "a figure of a kind further from clips than 1.3 x they differ"
+    ),
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
     Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),

@@ -25,6 +25,7 @@ class Corrections(Strict):
         travelling_noise: most noise of windows that travel. Less of it makes bodies turn less from window to window;
             with too little, slow walks stand: the mean of standing and stepping.
         spot_noise: the same for turning on the spot, which is done with raised hands and bent knees otherwise.
+        pose_noise: the same for a pose that is reached and held: with more of it hands sink and rise again by chance.
         ahead: forward velocities that are wanted, and those to ask for, (wanted, asked) in growing order [m/s]; linear
             between them, and parallel to what is wanted beyond them. None: as wanted.
         turning: gain of turning.
@@ -41,6 +42,7 @@ class Corrections(Strict):
     standing_noise: float = Field(default=1.0, ge=0)
     travelling_noise: float = Field(default=1.0, ge=0)
     spot_noise: float = Field(default=1.0, ge=0)
+    pose_noise: float = Field(default=1.0, ge=0)
     ahead: tuple[tuple[float, float], ...] = ()
     turning: float = Field(default=1.0, gt=0)
     aside: float = Field(default=1.0, gt=0)

@@ -97,11 +97,12 @@ def draw(kind: str, rows: list[Strip]) -> Figure:
         "left is blue, right orange; each figure centred on itself; red: ground reaction force",
     )
     for axes, row in zip(np.atleast_1d(figure.subplots(len(rows), 1)), rows, strict=True):
-        _strip(axes, row)
+        draw_strip(axes, row)
     return figure
 
 
-def _strip(axes: Axes, row: Strip) -> None:
+def draw_strip(axes: Axes, row: Strip) -> None:
+    """A strip of figures, with the ground reaction forces."""
     motion, camera = row.motion, Camera.at(AZIMUTH_DEG, ELEVATION_DEG)
     height, weight = motion.body.height, motion.body.mass * GRAVITY
     for place, frame in enumerate(np.linspace(0, len(motion) - 1, FIGURES).round().astype(int)):

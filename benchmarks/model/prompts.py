@@ -24,6 +24,7 @@ from benchmarks.shared.judges import SIDES, at_least, frame_velocities, waves
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption, WriteOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.poses import leaning, raising
 from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
 from flexmotion.bundles.manifest import Judged
 from flexmotion.bundles.repertoire import offered_kinds, write_judged
@@ -65,12 +66,12 @@ def stays(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
 
 def leans(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
     """Whether the torso leans by an angle at some time [degrees]."""
-    return bool(np.degrees(np.arccos(np.clip(human.torso_rotation[:, 2, 2], -1, 1))).max() >= wanted)
+    return bool(leaning(motion, human, wanted).any())
 
 
 def rises(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
     """Whether each wanted wrist is above its shoulder at some time."""
-    return all((human.wrist[:, side, 2] > human.shoulder[:, side, 2]).any() for side in SIDES[wanted])
+    return all(raising(motion, human, side).any() for side in (("left", "right") if wanted == "both" else (wanted,)))
 
 
 def swings(motion: Motion, human: HumanKinematics, wanted: str) -> bool:

@@ -21,7 +21,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=8,
+    newest=9,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -47,9 +47,10 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_SINCE_8: dict[str, Any] = {"personal": True}
+_SINCE_9: dict[str, Any] = {"corrections": {"pose_noise"}}
+_SINCE_8: dict[str, Any] = {"personal": True} | _SINCE_9
 _CORRECTIONS_SINCE_7 = ("travelling_noise", "spot_noise", "ahead", "turning")
-_SINCE_7: dict[str, Any] = {"eight_bits": True, "corrections": set(_CORRECTIONS_SINCE_7)} | _SINCE_8
+_SINCE_7: dict[str, Any] = _SINCE_8 | {"eight_bits": True, "corrections": {"pose_noise", *_CORRECTIONS_SINCE_7}}
 _SINCE_6 = {"manner": True, "manner_guidance": True, "repertoire": True} | _SINCE_7
 """Fields that former schemas lack."""
 
@@ -192,10 +193,13 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
+    corrections, plain = manifest.corrections, Corrections()
+    if corrections.pose_noise != plain.pose_noise:
+        return _hashes(texts)
+    texts.append(_text(manifest.model_dump(exclude=_SINCE_9) | {"schema_": "flexmotion.bundle/8"}))
     if manifest.personal:
         return _hashes(texts)
     texts.append(_text(manifest.model_dump(exclude=_SINCE_8) | {"schema_": "flexmotion.bundle/7"}))
-    corrections, plain = manifest.corrections, Corrections()
     if manifest.eight_bits or any(getattr(corrections, name) != getattr(plain, name) for name in _CORRECTIONS_SINCE_7):
         return _hashes(texts)
     content = manifest.model_dump(exclude=_SINCE_7) | {"schema_": "flexmotion.bundle/6"}

@@ -98,6 +98,16 @@ class Requests:
         """Most noise of windows that travel, relative to others."""
         return self._corrections.travelling_noise
 
+    def held(self, condition: Condition) -> Condition:
+        """A condition of `meant` whose pose is reached, as it is held; any other motion as it is."""
+        if (
+            condition.velocity is not None
+            or condition.wordless
+            or not phrases.is_pose(self.prompt(condition.text).kind)
+        ):
+            return condition
+        return replace(condition, noise=min(condition.noise, self._corrections.pose_noise))
+
     def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
         """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
         if condition.velocity is not None:

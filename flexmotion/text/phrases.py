@@ -79,6 +79,11 @@ def is_sudden(kind: str) -> bool:
     return bool(_table().get(kind, {}).get("sudden", False))
 
 
+def is_pose(kind: str) -> bool:
+    """Whether a kind of motion is held once it is reached, until something else is asked."""
+    return bool(_table().get(ALIASES.get(kind, kind), {}).get("pose", False))
+
+
 def caption_patterns(kind: str) -> tuple[str, ...]:
     """Regular expressions of captions that tell of a kind of motion."""
     return tuple(_table()[kind].get("captions", ()))

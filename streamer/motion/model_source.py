@@ -26,6 +26,10 @@ from flexmotion.streamer.motion.sequence import turned_to
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.motion.undo import Undo
 
+_REACHED_S = 1.0
+"""A pose is reached this long after it was asked for [s]: within the first window in 9 of 10 samples of raised hands,
+salutes, pointing arms and hands on hips; then it is held."""
+
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later
 frames."""
@@ -158,7 +162,10 @@ class ModelSource:
             self._programs = [(current[0], program)]
         else:
             self._programs = [(frame + 1, program)]
-        self._schedule = [] if intent is None else [(frame + 1, intent)]
+        begun, first = self._begun(frame), frame + 1
+        if isinstance(intent, Text) and played is not None and begun is not None and begun[1] == intent:
+            first = begun[0]  # words that are said again: a pose that is held is not reached anew
+        self._schedule = [] if intent is None else [(first, intent)]
         if isinstance(intent, Clip):
             self._clips.begin(intent, frame + 1, self._frames(frame, frame + 1))
         self.answer = program.heard
@@ -237,7 +244,12 @@ class ModelSource:
         return len({program.number for _, program in self._programs[-2:]}) < len(self._programs[-2:])
 
     def _intent_at(self, frame: int) -> Intent | None:
-        return next((intent for at, intent in reversed(self._schedule) if at <= frame), None)
+        begun = self._begun(frame)
+        return None if begun is None else begun[1]
+
+    def _begun(self, frame: int) -> tuple[int, Intent] | None:
+        """The intent that is followed at a frame, and its first frame."""
+        return next((one for one in reversed(self._schedule) if one[0] <= frame), None)
 
     def _replace_after(self, frame: int, played: Motion | None, yaw: float | None) -> None:
         """Forget what was sampled after a frame, and take the motion up to it as it was played (see `turn_to`)."""
@@ -301,9 +313,21 @@ class ModelSource:
             return self._append(clip)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
-        found = self.sampler.extend(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)
+        asked = self._kept_straight(begin, intent)
+        if self._holds(begin):
+            asked = self.sampler.requests.held(asked)
+        found = self.sampler.extend(history, asked, (self.seed << 32) + begin)
         self._pieces = [*self._cut(self._first, begin - len(found.before)), found.before]
         self._append(found.window[: change - begin])
+
+    def _holds(self, frame: int) -> bool:
+        """Whether the intent at a frame has been followed for long enough, and is not one to be done and repeated."""
+        begun, current = self._begun(frame), self.program_at(frame)
+        if begun is None or frame - begun[0] < _REACHED_S * self.fps:
+            return False
+        steps = () if current is None else current[1].steps
+        amounts = [step.amount for step in steps if step.intent == begun[1]]
+        return all(amount is None or amount.quantity == "time" for amount in amounts)
 
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""

@@ -15,6 +15,9 @@ from flexmotion.spatial.heading import continuous_heading
 from flexmotion.text.prompt_reader import Prompt
 
 NOISE_M = 1e-3
+POSE, HELD_NOISE = "raise your hand", 0.3
+"""Words of the one pose, and the noise with which it is held."""
+
 SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}
 """Forward [m/s] and turning [rad/s]."""
 
@@ -64,6 +67,9 @@ class StubSampler:
             return condition.velocity
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
+
+    def held(self, condition: Condition) -> Condition:
+        return replace(condition, noise=HELD_NOISE) if condition.text == POSE else condition
 
     def meant(self, condition: Condition) -> Condition:
         if condition.velocity is None or condition.pace is None:

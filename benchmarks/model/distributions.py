@@ -1,0 +1,255 @@
+"""Does the model move as people do: trunk, wrists, elbows, steps, and the time that they stay in the pose?
+
+Of every kind with enough recorded clips in the normal manner, those clips are parted at random into two halves. The
+Wasserstein distance between the halves is what people differ by; then the model takes the place of one half: each of
+its clips is sampled anew from its first frames, for as long. A clip of a pose begins and ends with hanging arms, while
+who is asked to point points until something else is asked: such a motion is compared from the first to the last frame
+in the pose. Left clips are mirrored to the right. Fails where a figure of a kind is further from the recorded half than
+`LIMIT` times the halves from each other. With `--plots` film strips and the distributions of each kind are drawn.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.stats import wasserstein_distance
+
+from benchmarks.model.motion_pictures import Strip, draw_strip
+from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
+from benchmarks.model.real_clips import kind_of, real_clips
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
+from flexmotion.biomechanics.mirror import mirror
+from flexmotion.bundles.repertoire import offered_kinds
+from flexmotion.dataset.compact_set import MotionSet, open_set
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.plots.palette import INK, MUTED, RIGHT
+from flexmotion.streamer.plots.style import new_figure, save, styled
+from flexmotion.text.manners import NORMAL
+from flexmotion.text.phrases import wordings
+from flexmotion.text.sides import mirrored, sides
+
+Float = NDArray[np.float64]
+
+LIMIT = 1.3
+"""Greatest distance of samples from recorded clips, over that of recorded clips from each other."""
+FEWEST, MOST = 8, 12
+"""Clips of a kind without which there are no halves to compare; most clips of a half."""
+LONGEST_S = 8.0
+"""Of a clip, the first part of this length is compared [s]."""
+REACHED_S = 1.5
+"""Time in which a sample reaches the pose that is asked for [s]."""
+EVENTS = 12
+"""A figure of which a half has fewer values is not compared: steps of who stands."""
+
+
+@dataclass
+class Compared:
+    """A kind of motion, or a pair of mirror images.
+
+    Attributes:
+        kind: its name.
+        clips: how many recorded clips there are.
+        real, made: distance of a recorded and of a sampled half from the other half, by figure.
+        values: of the recorded half, of the other one, and of the sampled one, by figure, of the last draw.
+        strips: a recorded clip, and the sample in its place.
+    """
+
+    kind: str
+    clips: int
+    real: dict[str, float]
+    made: dict[str, float]
+    values: dict[str, tuple[Float, Float, Float]]
+    strips: tuple[Motion, Motion]
+
+    def ratio(self, name: str) -> float:
+        """Of the distances of a figure; distances below the least that counts are taken as that."""
+        least = FIGURES[name][1]
+        return max(self.made[name], least) / max(self.real[name], least)
+
+
+def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
+    """Recorded clips in the normal manner by kind, on the sampler's body; left ones are mirrored to the right."""
+    clips, most = defaultdict(list), round(LONGEST_S * sampler.fps)
+    every = (each for split in ("train", "validation") for each in real_clips(found, split, sampler.fps))
+    for clip, motion in every:
+        if clip.info["labels"].get("style") == NORMAL:
+            kind, own = kind_of(clip), on_body(motion, sampler.body)[:most]
+            if sides(kind) == {"left"}:
+                kind, own = mirrored(kind), mirror(own)
+            clips[kind].append(own)
+    return clips
+
+
+def checks(kind: str) -> Mapping[str, Any]:
+    """What the judge of a kind asks for; empty where it has none."""
+    return next((entry.check for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of == kind), {})
+
+
+def held(motion: Motion, check: Mapping[str, Any]) -> Motion:
+    """A motion from the first to the last frame in the pose that is asked for; all of one that never is in it."""
+    pose = in_pose(motion, check)
+    if pose is None or not pose.any():
+        return motion
+    frames = np.flatnonzero(pose)
+    return motion[int(frames[0]) : int(frames[-1]) + 1]
+
+
+def streamed(sampler: Sampler, kind: str, begin: Motion, frames: int, seed: int) -> Motion:
+    """The live source's motion after a history, as handed on."""
+    source = ModelSource(sampler, [], "distributions", seed)
+    source.turn_to(Target(1, 1, Text(wordings(kind)[0])), len(begin) - 1, begin)
+    made = source.window(len(begin), frames)
+    assert made is not None
+    return made
+
+
+def sampled(sampler: Sampler, kind: str, clip: Motion, seed: int) -> Motion:
+    """What the model does in place of a clip, from its first frames on: as long as the clip, or as it is held."""
+    begin, check = clip[: sampler.remembers], checks(kind)
+    if in_pose(clip, check) is None:
+        return streamed(sampler, kind, begin, len(clip) - len(begin), seed)
+    frames = len(held(clip, check))
+    made = streamed(sampler, kind, begin, frames + round(REACHED_S * sampler.fps), seed)
+    reached = in_pose(made, check)
+    first = len(made) - frames if reached is None or not reached.any() else int(np.argmax(reached))
+    return made[min(first, len(made) - frames) :][:frames]
+
+
+def together(motions: Sequence[Motion], kind: str) -> dict[str, Float]:
+    """All values of every figure; of a kind without a side those of the mirror images too: nobody asked for a side."""
+    every = motions if sides(kind) else [image for motion in motions for image in (motion, mirror(motion))]
+    each = [figures(motion, checks(kind)) for motion in every]
+    return {name: np.concatenate([own[name] for own in each]) for name in FIGURES}
+
+
+def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, seed: int) -> Compared:
+    """Part the clips into halves, put the model in the place of one, and measure; means over the draws."""
+    half, began = min(MOST, len(clips) // 2), sampler.remembers
+    recorded = [held(clip[began:], checks(kind)) for clip in clips]
+    far: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    values: dict[str, tuple[Float, Float, Float]] = {}
+    for draw in range(draws):
+        order = np.random.default_rng([seed, draw]).permutation(len(clips))
+        samples = [sampled(sampler, kind, clips[at], seed + draw * MOST + own) for own, at in enumerate(order[:half])]
+        parts = [[recorded[at] for at in part] for part in (order[:half], order[half : 2 * half])]
+        one, other, made = (together(part, kind) for part in (*parts, samples))
+        values = {name: (one[name], other[name], made[name]) for name in FIGURES}
+        for name, three in values.items():
+            if min(map(len, three)) >= (1 if name == "time in pose" else EVENTS):
+                real, own = (float(wasserstein_distance(each, other[name])) for each in (one[name], made[name]))
+                far[name].append((real, own))
+    means = {name: np.mean(found, axis=0) for name, found in far.items() if len(found) == draws}
+    return Compared(
+        kind,
+        len(clips),
+        real={name: float(mean[0]) for name, mean in means.items()},
+        made={name: float(mean[1]) for name, mean in means.items()},
+        values={name: values[name] for name in means},
+        strips=(parts[0][0], samples[0]),
+    )
+
+
+def table(rows: Sequence[Compared]) -> Table:
+    """One kind a line: the distance of samples from clips, that of clips from each other."""
+    made = Table("kind", "clips", *(f"{name} {unit}" for name, (unit, _) in FIGURES.items()), title="Samples / clips")
+    for row in rows:
+        cells = []
+        for name in FIGURES:
+            far = "" if name not in row.real else f"{row.made[name]:.1f} / {row.real[name]:.1f}"
+            cells.append(f"[bold]{far}[/bold]" if far and row.ratio(name) > LIMIT else far)
+        made.add_row(row.kind, str(row.clips), *cells)
+    return made
+
+
+def draw(row: Compared, plots: Path) -> Path:
+    """Film strips of a clip and of the sample in its place; below them the distributions of every figure."""
+    names = list(row.values)
+    figure = new_figure(
+        12,
+        7.2,
+        f"{row.kind}: recorded and sampled",
+        "film strips: a clip, and a sample after its first frames; curves: share of values up to there, "
+        "two halves of the recorded clips (grey), samples (orange)",
+    )
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1.5, 1])
+    top, bottom = parts
+    for axes, title, motion in zip(top.subplots(2, 1), ("recorded", "sampled"), row.strips, strict=True):
+        draw_strip(axes, Strip(title, motion))
+    for axes, name in zip(np.atleast_1d(bottom.subplots(1, len(names))), names, strict=True):
+        for values, colour in zip(row.values[name], (MUTED, INK, RIGHT), strict=True):
+            axes.plot(np.sort(values), np.linspace(0.0, 1.0, len(values)), color=colour)
+        axes.set(title=f"{name} [{FIGURES[name][0]}], {row.ratio(name):.1f} x", ylim=(0, 1), yticks=(0, 0.5, 1))
+    return save(figure, plots / f"distributions_{row.kind}.png")
+
+
+def main(
+    data: SetOption,
+    bundle: BundleArgument = None,
+    draws: Annotated[int, typer.Option(min=1, help="Partings of the clips into halves.")] = 4,
+    seed: Annotated[int, typer.Option(min=0, help="Of the partings and of the samples.")] = 0,
+    kind: Annotated[list[str] | None, typer.Option(help="Kind of motion; may be given again.")] = None,
+    steps: StepsOption = None,
+    plots: PlotsOption = None,
+    csv_out: CsvOption = None,
+) -> Outcome:
+    """Compare samples with recorded clips, and those with each other."""
+    sampler, clips = open_sampler(bundle, steps), normal_clips(open_set(data), open_sampler(bundle, steps))
+    offered = [own for own in offered_kinds(sampler.bundle) if sides(own) != {"left"} and own != "stand"]
+    asked = [own for own in offered if kind is None or own in kind]
+    few = [own for own in asked if len(clips[own]) < FEWEST]
+    rows = [
+        compare(sampler, own, clips[own], draws, seed)
+        for own in track(asked, "kinds", console=Console(stderr=True))
+        if own not in few
+    ]
+    Console(width=160).print(table(rows))
+    if few:
+        typer.echo(f"fewer than {FEWEST} recorded clips in the normal manner: {', '.join(few)}")
+    if plots is not None:
+        plots.mkdir(parents=True, exist_ok=True)
+        with styled():
+            for row in rows:
+                typer.echo(draw(row, plots))
+    flat = [
+        {"kind": row.kind, "figure": name, "samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)}
+        for row in rows
+        for name in row.real
+    ]
+    if csv_out is not None:
+        write_csv(csv_out, flat)
+    return Outcome(verdicts(rows), {"by_kind": {row.kind: _told(row) for row in rows}, "few": few})
+
+
+def verdicts(rows: Sequence[Compared]) -> list[Verdict]:
+    """One of every figure: in how many kinds samples are as near to clips as clips to each other."""
+    found = []
+    for name in FIGURES:
+        ratios = {row.kind: row.ratio(name) for row in rows if name in row.real}
+        if ratios:
+            near, worst = sum(ratio <= LIMIT for ratio in ratios.values()), max(ratios, key=lambda kind: ratios[kind])
+            told = (
+                f"{name}: {near} of {len(ratios)} kinds within {LIMIT} x, median {np.median(list(ratios.values())):.2f}"
+            )
+            found.append(Verdict(f"{told}, worst {worst} {ratios[worst]:.1f}", near == len(ratios)))
+    return found
+
+
+def _told(row: Compared) -> dict[str, Any]:
+    return {name: {"samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)} for name in row.real}

@@ -1,0 +1,76 @@
+"""Figures of how a motion is done: trunk, wrists, elbows, steps, and the time in the pose that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.shared.poses import POSES, Mask, elbow_bend
+from flexmotion.human.body import Body
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.motion import Motion
+from flexmotion.spatial.heading import continuous_matrix_heading
+
+Float = NDArray[np.float64]
+
+FIGURES: dict[str, tuple[str, float]] = {
+    "trunk pitch": ("°", 1.0),
+    "left wrist": ("cm", 1.0),
+    "right wrist": ("cm", 1.0),
+    "left elbow": ("°", 3.0),
+    "right elbow": ("°", 3.0),
+    "step width": ("cm", 0.5),
+    "time in pose": ("%", 5.0),
+}
+"""Unit of each figure, and the least distance that counts: closer than this nobody sees, nor does motion capture."""
+
+
+def on_body(motion: Motion, body: Body) -> Motion:
+    """The joint angles of a motion on another body, without its forces; it goes as many leg lengths."""
+    return replace(motion.kinematics, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
+
+
+def figures(motion: Motion, check: Mapping[str, Any]) -> dict[str, Float]:
+    """Values of every one of `FIGURES`, one a frame; of steps one a touch-down; of the pose one a motion.
+
+    Trunk pitch is forward; a wrist's height is over the floor; an elbow's angle is its flexion; the width of a step is
+    the distance of the ankles across the heading.
+
+    Args:
+        motion: on the body that all are compared on.
+        check: what a prompt's judge asks for; poses among it count.
+    """
+    human = forward(motion)
+    yaw = continuous_matrix_heading(human.pelvis_rotation)
+    up = human.torso_rotation[:, :, 2]
+    ahead = np.cos(yaw) * up[:, 0] + np.sin(yaw) * up[:, 1]
+    pose = in_pose(motion, check, human)
+    return {
+        "trunk pitch": np.degrees(np.arctan2(ahead, up[:, 2])),
+        "left wrist": 100 * human.wrist[:, 0, 2],
+        "right wrist": 100 * human.wrist[:, 1, 2],
+        "left elbow": elbow_bend(human, 0),
+        "right elbow": elbow_bend(human, 1),
+        "step width": 100 * step_widths(human, yaw, motion.fps),
+        "time in pose": np.array([]) if pose is None else np.array([100 * pose.mean()]),
+    }
+
+
+def in_pose(motion: Motion, check: Mapping[str, Any], human: HumanKinematics | None = None) -> Mask | None:
+    """Frames in all poses that a check asks for, (T,); None where it asks for none."""
+    human = forward(motion) if human is None else human
+    poses = [POSES[name](motion, human, wanted) for name, wanted in check.items() if name in POSES]
+    return np.logical_and.reduce(poses) if poses else None
+
+
+def step_widths(human: HumanKinematics, yaw: Float, fps: float) -> Float:
+    """Distance of the ankles across the heading at every touch-down, (K,) [m]."""
+    loaded, _ = ContactDetector().detect(human, fps)
+    landed = np.flatnonzero((loaded[1:] & ~loaded[:-1]).any(axis=1)) + 1
+    apart = human.ankle[landed, 0, :2] - human.ankle[landed, 1, :2]
+    return np.asarray(np.cos(yaw[landed]) * apart[:, 1] - np.sin(yaw[landed]) * apart[:, 0], np.float64)

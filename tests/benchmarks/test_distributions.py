@@ -1,0 +1,97 @@
+"""What `model/distributions` measures, on motion whose answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.model.distributions import LIMIT, Compared, held, together, verdicts
+from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
+from flexmotion.biomechanics.mirror import mirror
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+
+HAND_UP = {"rises": "right"}
+
+
+def bent(motion: Motion, joint: str, degrees: float, first: int = 0, last: int | None = None) -> Motion:
+    """The motion with a joint at an angle for some frames."""
+    joints = motion.joints.copy()
+    joints[first:last, JOINTS.index(joint)] = np.radians(degrees)
+    return replace(motion, joints=joints)
+
+
+def compared(kind: str, made: float, real: float, name: str = "trunk pitch") -> Compared:
+    none = np.array([])
+    return Compared(kind, 20, {name: real}, {name: made}, {name: (none, none, none)}, strips=(None, None))  # type: ignore[arg-type]
+
+
+def test_elbows_and_wrists_are_told_apart_by_side(circling) -> None:
+    found = figures(bent(circling(30), "elbow_flexion_r", 70.0), {})
+    np.testing.assert_allclose(found["right elbow"], 70.0, atol=1.0)
+    np.testing.assert_allclose(found["left elbow"], 0.0, atol=1.0)
+    assert (found["right wrist"] > found["left wrist"] + 5.0).all()
+    assert len(found["time in pose"]) == 0 and len(found["step width"]) == 0  # nothing asked, no step
+    assert set(found) == set(FIGURES)
+
+
+def test_the_mirror_image_swaps_sides_alone(circling) -> None:
+    motion = bent(circling(30), "elbow_flexion_r", 70.0)
+    one, other = figures(motion, {}), figures(mirror(motion), {})
+    np.testing.assert_allclose(one["right elbow"], other["left elbow"], atol=1e-9)
+    np.testing.assert_allclose(one["trunk pitch"], other["trunk pitch"], atol=1e-9)
+
+
+def test_a_kind_without_a_side_counts_both(circling) -> None:
+    """One walker's right elbow was straight: nobody had asked for that, and the mean of both was called wrong."""
+    motion = bent(circling(30), "elbow_flexion_r", 70.0)
+    both = together([motion], "walk")
+    np.testing.assert_allclose(np.sort(both["right elbow"]), np.sort(both["left elbow"]), atol=1e-9)
+    sided = together([motion], "walk-turn-right")
+    assert sided["right elbow"].min() > 60.0 > sided["left elbow"].max()
+
+
+def test_a_trunk_that_bends_forward_has_a_positive_pitch(circling) -> None:
+    upright, bowed = (figures(bent(circling(10), "lumbar_extension", angle), {}) for angle in (0.0, -30.0))
+    np.testing.assert_allclose(bowed["trunk pitch"] - upright["trunk pitch"], 30.0, atol=2.0)
+
+
+def test_a_pose_is_compared_while_it_is_held(circling) -> None:
+    """A clip begins and ends with hanging arms; who is asked to raise a hand keeps it up."""
+    clip = bent(circling(60), "shoulder_flexion_r", 170.0, 20, 45)
+    pose = in_pose(clip, HAND_UP)
+    assert pose is not None and pose.sum() == 25
+    part = held(clip, HAND_UP)
+    assert len(part) == 25 and figures(part, HAND_UP)["time in pose"] == pytest.approx([100.0])
+    assert len(held(circling(60), HAND_UP)) == 60  # never in it: all of it counts
+    assert len(held(clip, {})) == 60
+
+
+def test_a_pose_that_is_left_in_between_is_less_time_in_it(circling) -> None:
+    clip = bent(bent(circling(60), "shoulder_flexion_r", 170.0, 20, 45), "shoulder_flexion_r", 0.0, 30, 35)
+    assert figures(held(clip, HAND_UP), HAND_UP)["time in pose"] == pytest.approx([80.0])
+
+
+def test_another_body_goes_as_many_legs(circling) -> None:
+    walk, child = circling(60, 1.0), Body(height=1.2, mass=25.0)
+    own = on_body(walk, child)
+    assert own.body == child and own.wrenches is None
+    ratio = np.ptp(own.root_position[:, 0]) / np.ptp(walk.root_position[:, 0])
+    assert ratio == pytest.approx(child.leg / walk.body.leg)
+
+
+def test_distances_that_nobody_sees_are_equal() -> None:
+    """Clips that were made by one rule differ by a hundredth of a degree; a tenth is no failure."""
+    assert compared("nod", made=0.4, real=0.01).ratio("trunk pitch") == 1.0
+    assert compared("nod", made=3.0, real=1.5).ratio("trunk pitch") == 2.0
+
+
+def test_every_kind_has_to_be_near() -> None:
+    near, far = compared("walk", 1.2, 1.0), compared("run", 2.0 * LIMIT, 2.0 * 0.9)
+    (one,) = verdicts([near])
+    (both,) = verdicts([near, far])
+    assert one.holds and not both.holds
+    assert "1 of 2 kinds" in both.sentence and "worst run" in both.sentence

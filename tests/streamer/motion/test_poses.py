@@ -1,0 +1,90 @@
+"""A pose that is asked for is reached, and then held until something else is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.intents import Intent, Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.text.phrases import is_pose
+
+from ..stub_sampler import HELD_NOISE, POSE, StubSampler
+
+ARM, WALK = Text(POSE), Text("walk forward")
+
+
+def source(*items: Item) -> tuple[ModelSource, StubSampler]:
+    sampler = StubSampler()
+    return ModelSource(sampler, items, "model:stub", straight=False), sampler  # type: ignore[arg-type]
+
+
+def noises(it: ModelSource, sampler: StubSampler, first: int, last: int) -> list[float]:
+    """Of the windows that are sampled for some frames."""
+    known = len(sampler.asked)
+    assert it.window(first, last - first) is not None
+    return [asked.condition.noise for asked in sampler.asked[known:]]
+
+
+def test_it_is_reached_with_all_noise_and_held_with_little() -> None:
+    it, sampler = source(Item(0.0, ARM))
+    assert noises(it, sampler, 0, 120)[:4] == [1.0, HELD_NOISE, HELD_NOISE, HELD_NOISE]
+
+
+def test_what_is_asked_later_is_reached_anew() -> None:
+    it, sampler = source(Item(0.0, ARM), Item(64 / 30, WALK), Item(128 / 30, ARM))
+    found = noises(it, sampler, 0, 200)
+    assert found[:6] == [1.0, HELD_NOISE, 1.0, 1.0, 1.0, HELD_NOISE]
+
+
+@pytest.mark.parametrize(("intent", "noise"), [(ARM, HELD_NOISE), (WALK, 1.0)])
+def test_words_that_are_said_again_do_not_begin_again(intent: Intent, noise: float) -> None:
+    it, sampler = source(Item(0.0, intent))
+    noises(it, sampler, 0, 60)
+    played = it.window(40, 21)
+    assert played is not None
+    it.turn_to(Target(1, 1, intent), 60, played)
+    assert noises(it, sampler, 60, 90)[0] == noise
+
+
+def test_who_has_come_to_a_stand_reaches_it_anew() -> None:
+    it, sampler = source(Item(0.0, ARM))
+    noises(it, sampler, 0, 60)
+    it.turn_to(Target(1, 1, ARM), 60, None)
+    assert noises(it, sampler, 61, 90)[0] == 1.0
+
+
+@pytest.fixture(scope="module")
+def sampler(bundle: Path) -> Sampler:
+    return Sampler(Bundle(bundle))
+
+
+def stream(sampler: Sampler, words: str, seconds: float) -> Motion:
+    it = ModelSource(sampler, [Item(0.0, Text(words))], "test", 1)
+    parts = [it.window(first, 32) for first in range(0, round(30 * seconds), 32)]
+    return concatenate([part for part in parts if part is not None])
+
+
+def test_hands_stay_on_the_hips(sampler: Sampler) -> None:
+    """They sank to the sides and were raised again within eight seconds: each window begins from noise of its own."""
+    wrists = forward(stream(sampler, "put your hands on your hips", 10.0)).wrist[90:, :, 2]
+    assert np.ptp(wrists, axis=0).max() < 0.12
+
+
+def test_a_hand_that_is_raised_twice_comes_down_in_between(sampler: Sampler) -> None:
+    wrist = forward(stream(sampler, "raise your right hand twice", 10.0)).wrist[:, 1, 2]
+    assert wrist.max() - wrist[wrist.argmax() :].min() > 0.3
+
+
+def test_gestures_of_motion_are_no_poses(sampler: Sampler) -> None:
+    assert is_pose("hands-on-hips") and is_pose("salute-left-hand") and is_pose("look-behind-left")
+    assert not any(map(is_pose, ("stand", "walk", "wave-right-hand", "nod", "bow", "clap", "shrug", "dance")))
