@@ -77,8 +77,9 @@ class ServoPlant:
         self._torque_constant = np.array(
             [servo.torque_constant or servo.stall_torque / servo.stall_current for servo in servos]
         )
-        self._gain, self._drive_peak, self._peak, self._motoring_peak = (np.zeros(n) for _ in range(4))
-        self._asked, self._drive, self._limit, self._scratch = (np.zeros(n) for _ in range(4))
+        self._gain, self._drive_peak, self._least_drive = (np.zeros(n) for _ in range(3))
+        self._peak, self._motoring_peak = np.zeros(n), np.zeros(n)
+        self._asked, self._drive, self._pushed, self._limit, self._scratch = (np.zeros(n) for _ in range(5))
         self._flag = np.zeros(n, np.bool_)
         self._refresh()
 
@@ -110,9 +111,21 @@ class ServoPlant:
 
     def step(self, position: Float, velocity: Float) -> Float:
         """Torque at joint `position` [rad] and `velocity` [rad/s]; (n,) [N·m], overwritten by the next call."""
-        asked, drive, limit, scratch, flag, torque = (
+        torque, flag = self.driven(position, velocity), self._flag
+        np.not_equal(self._drive, self._asked, out=self.saturated)
+        np.not_equal(torque, self._pushed, out=flag)
+        self.saturated |= flag
+
+        torque *= self.enabled
+        self.saturated &= self.enabled
+        return torque
+
+    def driven(self, position: Float, velocity: Float) -> Float:
+        """As `step`, of joints that are all enabled and without `saturated`: a fit needs no more."""
+        asked, drive, pushed, limit, scratch, flag, torque = (
             self._asked,
             self._drive,
+            self._pushed,
             self._limit,
             self._scratch,
             self._flag,
@@ -122,26 +135,19 @@ class ServoPlant:
         np.subtract(self.goal, position, out=asked)
         asked *= self._gain
         np.minimum(asked, self._drive_peak, out=drive)
-        np.negative(self._drive_peak, out=scratch)
-        np.maximum(drive, scratch, out=drive)
-        np.not_equal(drive, asked, out=self.saturated)
+        np.maximum(drive, self._least_drive, out=drive)
 
         # Motor: minus back-EMF, then the envelope.
         np.multiply(self._robot.back_emf, velocity, out=scratch)
-        np.subtract(drive, scratch, out=asked)
-        np.multiply(asked, velocity, out=scratch)
+        np.subtract(drive, scratch, out=pushed)
+        np.multiply(pushed, velocity, out=scratch)
         np.greater(scratch, 0.0, out=flag)
         np.copyto(limit, self._peak)
         np.copyto(limit, self._motoring_peak, where=flag)
         np.minimum(limit, self.torque_bound, out=limit)
-        np.minimum(asked, limit, out=torque)
+        np.minimum(pushed, limit, out=torque)
         np.negative(limit, out=limit)
         np.maximum(torque, limit, out=torque)
-        np.not_equal(torque, asked, out=flag)
-        self.saturated |= flag
-
-        torque *= self.enabled
-        self.saturated &= self.enabled
         return torque
 
     def draw(self, torque: Float, seconds: float) -> None:
@@ -176,5 +182,6 @@ class ServoPlant:
         np.multiply(robot.stall_torque, self._scratch, out=self._peak)
         np.multiply(robot.usable_torque, self._scratch, out=self._motoring_peak)
         np.multiply(self._peak, self._drive_share, out=self._drive_peak)
+        np.negative(self._drive_peak, out=self._least_drive)
         np.multiply(self._kp, self._scratch, out=self._gain)
         self._gain *= self._gain_share

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_cost import ArmCost, ArmTargets
+from flexmotion.retarget.spread_points import halton
 
 Float = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class ArmBranches:
     def __init__(self, chain: ArmChain, cost: ArmCost, speed: Float) -> None:
         self.chain, self.cost, self.speed = chain, cost, speed
         cells = _cells(chain.lower, chain.upper, _CELLS)
-        spread = qmc.Halton(chain.lower.shape[1], scramble=False).random(_SAMPLES)
+        spread = halton(_SAMPLES, chain.lower.shape[1])
         low, high = cells[:, None, 0], cells[:, None, 1]
         # (cells, samples, 2, m)
         self._poses = low + spread[None, :, None, :] * (high - low)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
+from flexmotion.human.filters import recursive
 from flexmotion.spatial.transitions import minimum_jerk
 
 Float = NDArray[np.float64]
@@ -26,7 +26,7 @@ def divergent_component(zmp: Float, omega: float, dt: float) -> Float:
         xi at the start of each row, (T, 2) [m].
     """
     decay = np.exp(-omega * dt)
-    backwards, _ = lfilter([1.0 - decay], [1.0, -decay], zmp[::-1], axis=0, zi=decay * zmp[-1:])
+    backwards = recursive([1.0 - decay], [-decay], zmp[::-1], decay * zmp[-1:])
     return backwards[::-1]
 
 
@@ -79,6 +79,6 @@ def centre_of_mass(dcm: Float, start: Float, omega: float, dt: float) -> tuple[F
         Position (T, 2) [m] and velocity (T, 2) [m/s].
     """
     decay = np.exp(-omega * dt)
-    tail, _ = lfilter([1.0 - decay], [1.0, -decay], dcm[:-1], axis=0, zi=decay * start[None])
+    tail = recursive([1.0 - decay], [-decay], dcm[:-1], decay * start[None])
     com = np.concatenate([start[None], tail])
     return com, omega * (dcm - com)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_distance import ArmDistance
 from flexmotion.retarget.legs import SIDE_NAMES
+from flexmotion.retarget.spread_points import sobol
 
 Float = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Reach:
         self._damping = _DAMPING * float(chain.lengths.sum(axis=1).mean()) ** 2
         self._speed = robot.no_load_speed[chain.joints]
         count = chain.joints.shape[1]
-        share = qmc.Sobol(count, scramble=False).random_base2(_TABLE)
+        share = sobol(_TABLE, count)
         self._table = [self._clear_ones(robot, side, share) for side in (0, 1)]
 
     def _clear_ones(self, robot: Robot, side: int, share: Float) -> tuple[Float, Float]:

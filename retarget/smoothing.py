@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+
+from flexmotion.human.filters import recursive
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -91,7 +92,7 @@ class Follower:
             pull = float(pull * self.dt)
             start, last = position[own], keep * (position[own] - self.dt * velocity[own])
             state = np.stack([(1.0 + keep - pull) * start - last, -keep * start])
-            positions[:, own], _ = lfilter([pull], [1.0, pull - keep - 1.0, keep], targets[:, own], axis=0, zi=state)
+            positions[:, own] = recursive([pull], [pull - keep - 1.0, keep], targets[:, own], state)
         return positions, np.diff(positions, axis=0, prepend=position[None]) / self.dt
 
     def _bounded(

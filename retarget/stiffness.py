@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from flexmotion.biomechanics.tension import LIMBS, limb_tension
 from flexmotion.configs.robot import Robot
+from flexmotion.human.filters import recursive
 from flexmotion.retarget.view import HumanView
 
 Float = NDArray[np.float64]
@@ -56,7 +56,7 @@ class LimbStiffness:
                 targets[:, limb] = 1.0
         for limb, share in asked.items():
             targets[:, limb] = share
-        smooth, _ = lfilter([1.0 - self._keeps], [1.0, -self._keeps], targets, axis=0, zi=self._keeps * before[None])
+        smooth = recursive([1.0 - self._keeps], [-self._keeps], targets, self._keeps * before[None])
         return np.clip(smooth, 0.0, 1.0)
 
     def shares(self, tension: Float) -> Float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
+from flexmotion.human.filters import butterworth, recursive
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.state import RetargetState
@@ -28,8 +28,10 @@ class JointTorques:
 
     def __init__(self, dynamics: RobotDynamics, rate_hz: float) -> None:
         self.dynamics, self.dt = dynamics, 1.0 / rate_hz
-        self._low_pass = butter(2, _ACCELERATION_CUTOFF_HZ, fs=rate_hz, output="sos")
-        self._settled = sosfilt_zi(self._low_pass)[:, :, None]
+        self._feed, self._back = butterworth(_ACCELERATION_CUTOFF_HZ, rate_hz)
+        # State of a filter whose input and output were 1 for ever.
+        (_, b1, b2), (a1, a2) = self._feed, self._back
+        self._settled = np.array([b1 + b2 - a1 - a2, b2 - a2])[:, None]
 
     def of(self, state: RetargetState, schedule: Schedule, base: Float, q: Float) -> tuple[Float, Float, Float]:
         """Joint speed, acceleration and torque of each row.
@@ -68,7 +70,7 @@ class JointTorques:
         after = np.concatenate([between[2:], between[-1:]])
         change = np.diff(between, axis=0) / self.dt
         acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))])
-        smooth, _ = sosfilt(self._low_pass, acceleration, axis=0, zi=self._settled * change[0])
+        smooth = recursive(self._feed, self._back, acceleration, self._settled * change[0])
         return 0.5 * (between[1:] + after), smooth
 
 

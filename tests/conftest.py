@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -27,6 +28,16 @@ settings.register_profile(
     derandomize=True,  # the same examples in every run
 )
 settings.load_profile("flexmotion")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is loaded by now out of garbage collection.
+
+    Processes of a run are forked from this one, and each collects garbage when it begins: it took a second in every one
+    to walk through torch and six thousand tests, which copied their memory.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -32,3 +32,10 @@ def test_no_runtime_module_imports_torch() -> None:
     assert result.returncode == 0, result.stderr
     names = result.stdout.split()
     assert len(names) > 150 and {name.split(".")[1] for name in names} >= ROOMS
+
+
+def test_a_run_loads_neither_scipy_signal_nor_scipy_stats() -> None:
+    """They took more than a third of the time until a run began."""
+    script = "import sys, flexmotion.streamer.run.session; print({'scipy.signal', 'scipy.stats'} & set(sys.modules))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert result.stdout == "set()\n", result.stderr

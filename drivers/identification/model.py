@@ -26,6 +26,9 @@ TIMESTEP = 0.002
 BURN_IN_S = 0.5
 """Start of a stretch that is simulated and not compared: the speed at its beginning is known badly [s]."""
 
+KEPT = 8
+"""Results that are kept: fits with other weights, and of another sampling of torque, begin where one before ended."""
+
 _SUPPLY_WINDOW_S, _SUPPLY_STEP = 0.3, 0.02
 """Mean and resolution of the measured supply, which has a resolution of 0.1 V [s, V]."""
 
@@ -94,8 +97,9 @@ class JointModel:
     """
 
     def __init__(self, robot: Robot, joint: int, stretches: Sequence[Stretch]) -> None:
-        self.servo, self.stretches = robot.servos[joint], list(stretches)
+        self.servo, self.stretches = robot.servos[joint], tuple(stretches)
         self._usable, self._period = robot.usable_torque[joint], 1.0 / robot.rate_hz
+        self._kept: dict[tuple[bytes, bytes], Simulated] = {}
 
     def simulate(self, figures: Float, age: Float | None = None) -> Simulated:
         """The joint at the ticks of all stretches.
@@ -106,8 +110,15 @@ class JointModel:
         """
         figures = np.atleast_2d(figures)
         age = np.zeros(len(figures)) if age is None else age
-        parts = [self._simulate(stretch, figures, age) for stretch in self.stretches]
-        return Simulated(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        key = figures.tobytes(), age.tobytes()
+        found = self._kept.pop(key, None)
+        if found is None:
+            parts = [self._simulate(stretch, figures, age) for stretch in self.stretches]
+            found = Simulated(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        self._kept[key] = found
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
 
     def _simulate(self, stretch: Stretch, figures: Float, age: Float) -> tuple[Float, ...]:
         kp, back_emf, friction, damping, armature, delay = (np.ascontiguousarray(row) for row in figures.T)
@@ -137,7 +148,6 @@ class JointModel:
                 nominal_voltage=np.full(m, servo.nominal_voltage),
             )
         )
-        plant.enabled[:] = True
         q, v = np.full(m, _first(stretch)), np.full(m, _first_speed(stretch))
         before, scratch = v.copy(), np.empty(m)
         angles, speeds, torques = (np.empty((steps + 1, m)) for _ in range(3))
@@ -154,7 +164,7 @@ class JointModel:
             np.multiply(v, 1.5, out=speed)
             before *= 0.5
             speed -= before
-            angle[:], torque[:] = q, plant.step(q, speed)
+            angle[:], torque[:] = q, plant.driven(q, speed)
             np.multiply(damping, speed, out=scratch)
             np.subtract(torque, scratch, out=scratch)
             scratch -= weight

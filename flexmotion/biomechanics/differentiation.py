@@ -11,12 +11,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 Float = NDArray[np.float64]
 
-FIRST, SECOND = (savgol_coeffs(7, polyorder=6, deriv=order, use="dot") for order in (1, 2))
-"""Weights of seven samples around the middle one, for a step of 1: the polynomial through all seven."""
+FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
+SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
+"""Weights of seven samples around the middle one, for a step of 1: the polynomial through all seven (Fornberg,
+*Generation of finite difference formulas on arbitrarily spaced grids*, Math. Comp. 51(184), 1988, table 1)."""
 
 _WEIGHTS = {1: FIRST, 2: SECOND}
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from flexmotion.spatial.quaternions import continuous_quaternions
@@ -40,6 +39,9 @@ def low_pass(signal: Float, fps: float, cutoff: float) -> Float:
     """Zero-phase fourth-order Butterworth low-pass over the first axis; `cutoff` [Hz] is where it has -6 dB."""
     if cutoff >= fps / 2:
         return signal
+    # It loads scipy.stats, which takes as long as all else that a run loads, and few runs resample.
+    from scipy.signal import butter, sosfiltfilt
+
     sections = butter(4, cutoff, fs=fps, output="sos")
     # The ends are padded point-symmetrically by a few periods of the cut-off frequency.
     pad = min(len(signal) - 1, int(3 * fps / cutoff))

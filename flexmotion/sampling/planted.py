@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, maximum_filter1d
-from scipy.signal import lfilter
 
+from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.leg_length import lowered
@@ -241,5 +241,4 @@ def _settled(wanted: Float, fps: float) -> Float:
     step = 2.0 / (SETTLING_S * fps)
     # Implicit integration: stable at any frame rate.
     kept, pull = 1.0 / (1.0 + step) ** 2, (step / (1.0 + step)) ** 2
-    found: Float = lfilter([pull], [1.0, pull - kept - 1.0, kept], wanted)
-    return found
+    return recursive([pull], [pull - kept - 1.0, kept], wanted)

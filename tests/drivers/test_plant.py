@@ -41,6 +41,14 @@ def test_back_emf_brakes_and_ends_at_the_no_load_speed(op3: Robot) -> None:
     assert step(plant, 1.0, op3.no_load_speed[0]) == pytest.approx(0.0, abs=1e-9)
 
 
+@given(error=st.floats(-3, 3), speed=st.floats(-15, 15), volts=st.floats(6, 16))
+def test_a_fit_sees_the_torque_of_joints_that_are_enabled(error: float, speed: float, volts: float) -> None:
+    plant, fitted = running(ROBOT, supply=volts), ServoPlant(ROBOT, supply=volts)
+    plant.goal[:] = fitted.goal[:] = error
+    place, speeds = np.zeros(ROBOT.n), np.full(ROBOT.n, speed)
+    np.testing.assert_array_equal(fitted.driven(place, speeds), plant.step(place, speeds))
+
+
 def test_driving_is_bound_by_the_usable_torque_and_braking_by_the_stall_torque(op3: Robot) -> None:
     plant = running(op3)
     assert step(plant, 1.0, 0.1) == pytest.approx(op3.usable_torque[0])

@@ -13,6 +13,7 @@ from flexmotion.configs.errors import DriverError
 from flexmotion.configs.identification import Identification, IdentifiedFigure
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.identification.identify import Identified, identify, merged
+from flexmotion.drivers.identification.model import KEPT, JointModel, stretches_of
 from flexmotion.drivers.identification.record import RobotRecord
 
 from .stand import Stand
@@ -111,6 +112,28 @@ def test_a_motion_that_the_plant_does_not_explain_is_refused(
     position[:, joint] = np.maximum(position[:, joint], np.quantile(position[:, joint], 0.55))
     with pytest.raises(DriverError, match="l_knee.*something touches the limb"):
         identify(op3, joint, replace(record, position=position), DATE)
+
+
+def test_a_fit_that_begins_where_one_ended_does_not_simulate_it_again(
+    op3: Robot, knee: tuple[dict[str, float], RobotRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fifth of an identification was what had been simulated before: with other weights, or another sampling."""
+    joint = op3.index("l_knee")
+    model = JointModel(op3, joint, stretches_of(op3, joint, oscillation(knee[1], op3)))
+    simulated: list[float] = []
+    once = model._simulate
+    monkeypatch.setattr(model, "_simulate", lambda *given: simulated.append(given[1][0, 0]) or once(*given))
+    servo = op3.servos[joint]
+    stiff, soft = (np.array([[kp, servo.back_emf, 0.05, 0.1, 0.05, 0.01]]) for kp in (20.0, 15.0))
+    first = model.simulate(stiff)
+    assert not np.array_equal(model.simulate(soft).angle, first.angle)
+    assert model.simulate(stiff) is first and simulated == [20.0, 15.0]
+    late = model.simulate(stiff, np.array([0.004]))
+    assert not np.array_equal(late.late_angle, first.late_angle) and simulated == [20.0, 15.0, 20.0]
+    for kp in range(KEPT):  # what was simulated long ago is forgotten
+        model.simulate(np.array([[5.0 + kp, *stiff[0, 1:]]]))
+    model.simulate(stiff)
+    assert simulated[-1] == 20.0
 
 
 def test_a_joint_at_rest_is_refused(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import copyfile, copytree
@@ -29,6 +30,27 @@ if TYPE_CHECKING:
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Progress, Task
 
+
+def _digest(network: Any, *others: Any) -> str:
+    """A hash of all that a network computes from: kinds and settings of its modules, weights and constants.
+
+    That of its pickle depends on which of its strings are one object: the same network read twice had two.
+    """
+    from torch import nn
+
+    found = hashlib.sha256(repr(others).encode())
+    known = vars(nn.Module())  # weights, constants and parts among them, which are listed below
+    for name, module in network.named_modules():
+        settings = {key: value for key, value in vars(module).items() if key not in known or key == "training"}
+        described = repr((name, type(module), settings))
+        assert " at 0x" not in described, f"two objects may have the same address: {described}"
+        found.update(described.encode())
+    for name, values in (*network.named_parameters(), *network.named_buffers()):
+        found.update(repr((name, values.dtype, values.shape)).encode())
+        found.update(values.detach().contiguous().numpy().tobytes())
+    return found.hexdigest()
+
+
 TEXT_FILES = (NETWORK, VOCABULARY)
 SMALL = {"width": 32, "heads": 2, "layers": 1, "expansion": 2}
 
@@ -38,24 +60,28 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """An export copies networks that were written before, and takes listeners that were fitted before.
 
     Most exports here are of the same ones, at twenty seconds each. `test_export.py` shows that the same network is
-    written as the same bytes.
+    written as the same bytes. Processes of one run of pytest share the networks. torch reads its table of operators,
+    a quarter of an export, once.
     """
     if find_spec("torch") is None:
         yield
         return
-    import torch
+    from torch.onnx._internal.exporter._registration import ONNXRegistry
 
     from flexmotion.training import export
 
-    folder, write = tmp_path_factory.mktemp("networks"), export.export_network
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "networks"
+    folder.mkdir(exist_ok=True)
+    write = export.export_network
 
     def export_network(network: Any, path: Path, inputs: dict[str, Any], *others: Any) -> None:
-        shapes = {name: (value.dtype, value.shape) for name, value in inputs.items()}
-        whole = io.BytesIO()
-        torch.save((network, shapes, others), whole)
-        before = folder / hashlib.sha256(whole.getvalue()).hexdigest()
+        before = folder / _digest(network, {name: (value.dtype, value.shape) for name, value in inputs.items()}, others)
         if not before.is_file():
-            write(network, before, inputs, *others)
+            write(network, path, inputs, *others)
+            whole = before.with_name(f"{before.name}-{os.getpid()}")
+            copyfile(path, whole)
+            whole.replace(before)
         copyfile(before, path)
 
     def fitted(fit: Callable[..., Any]) -> Callable[..., Any]:
@@ -72,6 +98,7 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "export_network", export_network)
+        patch.setattr(ONNXRegistry, "from_torchlib", staticmethod(cache(ONNXRegistry.from_torchlib)))
         for name in ("fit_listener", "fit_manner_listener"):
             patch.setattr(export, name, fitted(getattr(export, name)))
         yield

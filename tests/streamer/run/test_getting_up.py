@@ -23,7 +23,7 @@ class Fallen(Attended):
         push: impulse, ahead and to the left [N·s].
     """
 
-    def __init__(self, push: tuple[float, float], *, at_s: float = 4.0, **options: object) -> None:
+    def __init__(self, push: tuple[float, float], *, at_s: float = 3.0, **options: object) -> None:
         impulse = (*push, 0.0)
         super().__init__(pushes=[{"at": at_s, "impulse": impulse, "duration": 0.2}], **options)
 
