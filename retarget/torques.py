@@ -13,8 +13,6 @@ from flexmotion.spatial.rotations import turns
 
 Float = NDArray[np.float64]
 
-_STRIDE = 2
-"""Torques are computed at every second row and interpolated: the accelerations are low-passed below."""
 _ACCELERATION_CUTOFF_HZ = 20.0
 """Low-pass of the acceleration: keeps the noise of the differences out of the torques."""
 
@@ -43,12 +41,15 @@ class JointTorques:
             qd [rad/s], qdd [rad/s²] and torque [N·m], (T, n) each.
         """
         joints, torso = np.concatenate([state.q[::-1], q]), np.concatenate([state.base[::-1], base])
-        moves = np.hstack([np.diff(joints, axis=0), np.diff(torso[:, :3], axis=0), turns(torso[:, 3:])])
+        places = np.hstack([joints, torso[:, :3]])
+        moves = np.hstack([places[1:] - places[:-1], turns(torso[:, 3:])])
         speed, acceleration = self._rates(moves / self.dt)
         n = joints.shape[1]
         qd, qdd = speed[:, :n], acceleration[:, :n]
-        rows = np.unique(np.append(np.arange(0, len(q), _STRIDE), len(q) - 1))
-        torque, _ = self.dynamics.inverse(
+        # At every second row and the last: the accelerations are low-passed.
+        rows = np.arange(0, len(q), 2)
+        rows = rows if len(q) % 2 else np.append(rows, len(q) - 1)
+        some, _ = self.dynamics.inverse(
             base[rows],
             speed[rows, n:],
             acceleration[rows, n:],
@@ -58,7 +59,11 @@ class JointTorques:
             schedule.feet[rows],
             schedule.share[rows],
         )
-        return qd, qdd, _between_rows(rows, torque, len(q))
+        torque = np.empty(q.shape)
+        torque[rows] = some
+        between = torque[1:-1:2]
+        between[...] = 0.5 * (torque[0:-1:2][: len(between)] + torque[2::2][: len(between)])
+        return qd, qdd, torque
 
     def _rates(self, between: Float) -> tuple[Float, Float]:
         """Speed and low-passed acceleration at rows, (T, C), from the mean speeds between them, (T + 1, C).
@@ -66,16 +71,7 @@ class JointTorques:
         Central differences; the last row keeps the speed before it.
         """
         after = np.concatenate([between[2:], between[-1:]])
-        change = np.diff(between, axis=0) / self.dt
+        change = (between[1:] - between[:-1]) / self.dt
         acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))])
         smooth, _ = sosfilt(self._low_pass, acceleration, axis=0, zi=self._settled * change[0])
         return 0.5 * (between[1:] + after), smooth
-
-
-def _between_rows(rows: NDArray[np.int64], values: Float, count: int) -> Float:
-    """Linear interpolation of values at ascending rows from 0 on, (k, n), at every row, (count, n)."""
-    every = np.arange(count)
-    low = np.minimum(np.searchsorted(rows, every, side="right") - 1, len(rows) - 2)
-    share = (every - rows[low]) / (rows[low + 1] - rows[low])
-    found: Float = values[low] + share[:, None] * (values[low + 1] - values[low])
-    return found

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
-from flexmotion.retarget.legs import Leg
+from flexmotion.retarget.legs import Leg, Legs
+from flexmotion.retarget.splines import Spline
 from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
@@ -35,6 +35,7 @@ class WholeBody:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.legs = (Leg.of(robot, "left"), Leg.of(robot, "right"))
+        self._both_legs = Legs(self.legs)
         self.upper = UpperBody(robot)
         self.dynamics = RobotDynamics(robot, self.legs)
         left, right = self.legs
@@ -112,9 +113,8 @@ class WholeBody:
             self._place(some_base, some_q, *some, offset)
             found = self.dynamics.centre_of_mass(some_base, some_q)[:, :2] - some_base[:, :2]
             offset = offset + (found - offset) / (1.0 - self._slope)
-        every = np.arange(len(feet))
-        if len(rows) < len(every):
-            offset = make_interp_spline(rows, offset, k=3)(every)
+        if len(rows) < len(feet):
+            offset = Spline(rows.astype(float), offset, natural=False).at(np.arange(float(len(feet)))).value
         return base, q, offset, self._place(base, q, rotation, feet, soles, com, offset)
 
     def _place(
@@ -130,9 +130,9 @@ class WholeBody:
             Missing length of the legs, (T,) [m].
         """
         base[:, :2] = com - offset
-        short = np.zeros(len(base))
-        for side, leg in enumerate(self.legs):
-            found, missing = leg.solve(base[:, :3], rotation, feet[:, side, :3], soles[:, side])
-            q[:, leg.indices] = found
-            short = np.maximum(short, missing)
+        angles, missing = self._both_legs.solve(
+            base[:, :3], rotation, feet[:, :, :3].swapaxes(0, 1), soles.swapaxes(0, 1)
+        )
+        q[:, self._both_legs.indices] = angles.swapaxes(0, 1)
+        short: Float = missing.max(axis=0)
         return short
