@@ -1,7 +1,7 @@
 """Cubic splines through values at ascending places, with one end condition or another.
 
-`scipy.interpolate` gives the same within rounding; making and evaluating one of its splines takes .2 to .5 ms, and every
-plan makes two.
+`scipy.interpolate` gives the same within rounding; making and evaluating one of its splines takes .2 to .5 ms, and
+every plan makes two.
 """
 
 from __future__ import annotations

@@ -46,6 +46,10 @@ class WholeBody:
         """Poses of the soles under straight legs, facing +x, with their middle at the origin, (2, 4) [m, m, m, rad]."""
         self.home_feet[:, :2] = (np.stack([left.hip + left.sole, right.hip + right.sole]))[:, :2]
         self.home_feet[:, :2] -= self.home_feet[:, :2].mean(axis=0)
+        self._hips, self._soles = (
+            np.array([[getattr(leg, name)[axis]] for axis in (0, 1) for leg in self.legs]).reshape(2, 2, 1)
+            for name in ("hip", "sole")
+        )
         self._slope = 0.0
         self._slope = self._shift_slope()
 
@@ -68,14 +72,17 @@ class WholeBody:
 
         Arguments as in `solve`; the torso is assumed upright, at the mean yaw of the feet.
         """
-        yaw = yaw_matrices(feet[:, :, 3].mean(axis=1))
-        height = np.full(len(feet), np.inf)
-        for side, leg in enumerate(self.legs):
-            hips = (com - offset) + (yaw @ leg.hip)[:, :2]
-            ankle = feet[:, side, :2] - (yaw_matrices(feet[:, side, 3]) @ leg.sole)[:, :2]
-            away = np.sum((hips - ankle) ** 2, axis=1)
-            reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
-            height = np.minimum(height, reach + feet[:, side, 2])
+        x, y, up, yaw = feet.transpose(2, 1, 0)
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        middle = 0.5 * (yaw[0] + yaw[1])
+        cos_middle, sin_middle = np.cos(middle), np.sin(middle)
+        # Of both legs, (2, T): horizontal ways from ankle to hip.
+        (hip_x, hip_y), (sole_x, sole_y) = self._hips, self._soles
+        ahead = (com - offset)[:, 0] + cos_middle * hip_x - sin_middle * hip_y - (x - cos * sole_x + sin * sole_y)
+        aside = (com - offset)[:, 1] + sin_middle * hip_x + cos_middle * hip_y - (y - sin * sole_x - cos * sole_y)
+        away = ahead * ahead + aside * aside
+        reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
+        height: Float = (reach + up).min(axis=0)
         return height
 
     def solve(
