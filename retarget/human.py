@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.segment_motion import AT_REST
 from flexmotion.human.contacts import ContactDetector
-from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.kinematics import FORWARD, HumanKinematics, forward, named_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 from flexmotion.spatial.gravity import GRAVITY
@@ -48,7 +49,10 @@ class HumanWindow:
     def __init__(self, motion: Motion, start_s: float, detector_state: Float, yaws: Float | None) -> None:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
-        self.kinematics: HumanKinematics = forward(motion)
+        # Poses are laid out once, also for `limb_tension` of a motion with torques.
+        names = FORWARD if motion.torques is None else (*FORWARD, *(name for name in AT_REST if name not in FORWARD))
+        self.arrays = named_arrays(motion, names)
+        self.kinematics: HumanKinematics = forward(motion, self.arrays)
         # Plausible ground forces show which foot is loaded better than heights and speeds of the feet.
         force = None if motion.wrenches is None else motion.wrenches[:, :, 2] / (motion.body.mass * GRAVITY)
         self.contacts, self.detector_states = ContactDetector().detect(

@@ -53,6 +53,8 @@ from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
+_CALM_S = 0.2
+"""This long after the last touch-down, and after the human, a plan's motion is a smooth way to its rest [s]."""
 _MISSING_LEG = 1e-4
 """A row whose legs are too short by more than this counts as a repair of its positions [m]."""
 
@@ -308,23 +310,25 @@ class Retargeter:
         position, velocity, slow, soft = followed
         outside = (q < self.robot.lower) | (q > self.robot.upper)
         q = np.clip(q, self.robot.lower, self.robot.upper)
-        qd, qdd, torque = self.torques.of(now, schedule, base, q)
+        rows, follows = len(walk.ticks), 0 if view is None else view.follow
+        # From here on the robot only comes to rest, unless arms or head are on a way of their own.
+        quiet = max([follows, *(step.land - tick for step in walk.steps)]) + int(_CALM_S * self.rate)
+        qd, qdd, torque = self.torques.of(now, schedule, base, q, rows if led.any() else quiet)
         checkpoint()
         upper = slice(len(POSTURE), None)
         hand_error = self._hand_error(view, q, arms)
         arms_led = led[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
         hand_error[:, arms_led] = np.nan  # such a hand does not follow the human's
-        rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:
-            source_s[: view.follow] = view.seconds(walk.ticks[: view.follow])
+            source_s[:follows] = view.seconds(walk.ticks[:follows])
         led_joints = np.zeros(self.robot.n, np.bool_)
         led_joints[self.body.upper.joints] = led[upper]
         tension = self.stiffness.tension(now.tension, view, rows, led_joints, restrictions.tension)
         body = BodyMotion(com, position, velocity, base, q, offset, tension)
         return Plan(
             start_tick=tick,
-            stop_row=0 if view is None else view.follow,
+            stop_row=follows,
             source_s=source_s,
             q=q,
             qd=qd,

@@ -113,9 +113,10 @@ class WholeBody:
         torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
         soles = yaw_matrices(feet[:, :, 3].ravel()).reshape(-1, 2, 3, 3)
         base = np.column_stack([torso, quaternion])
-        rows = np.unique(np.append(np.arange(0, len(feet), _STRIDE if smooth else 1), len(feet) - 1))
+        rows = np.arange(0, len(feet), _STRIDE if smooth else 1)
+        rows = rows if rows[-1] == len(feet) - 1 else np.append(rows, len(feet) - 1)
         offset = np.broadcast_to(offset, (len(feet), 2))[rows]
-        some_base, some_q, some = base[rows], q[rows], (rotation[rows], feet[rows], soles[rows], com[rows])
+        some_base, some_q, *some = (array.take(rows, axis=0) for array in (base, q, rotation, feet, soles, com))
         for _ in range(passes):
             self._place(some_base, some_q, *some, offset)
             found = self.dynamics.centre_of_mass(some_base, some_q)[:, :2] - some_base[:, :2]
