@@ -143,8 +143,8 @@ class SwingCheck:
             torso[row, :, 2] = np.minimum(torso[row, :, 2], sway.reach[over].min(initial=np.inf))
         right = np.array([step.side == 1 for step in steps])
         asked = self.effort.asked_over(right, soles, torso, (land - lift) / self.rate)
-        most: Float = np.abs(np.nan_to_num(asked, nan=np.inf)).reshape(len(steps), -1).max(axis=1)
-        return most
+        most: Float = np.abs(asked).reshape(len(steps), -1).max(axis=1)
+        return np.where(np.isnan(most), np.inf, most)
 
     def _height(self, rows: Float, height: float, rate: float) -> Float:
         """Height of the hips over the ankles after some rows, while they lower to that of a walk [m].

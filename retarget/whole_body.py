@@ -116,7 +116,8 @@ class WholeBody:
         rows = np.arange(0, len(feet), _STRIDE if smooth else 1)
         rows = rows if rows[-1] == len(feet) - 1 else np.append(rows, len(feet) - 1)
         offset = np.broadcast_to(offset, (len(feet), 2))[rows]
-        some_base, some_q, *some = (array.take(rows, axis=0) for array in (base, q, rotation, feet, soles, com))
+        some_base, some_q = base.take(rows, axis=0), q.take(rows, axis=0)
+        some = rotation.take(rows, axis=0), feet.take(rows, axis=0), soles.take(rows, axis=0), com.take(rows, axis=0)
         for _ in range(passes):
             self._place(some_base, some_q, *some, offset)
             found = self.dynamics.centre_of_mass(some_base, some_q)[:, :2] - some_base[:, :2]
