@@ -82,8 +82,6 @@ class ArmDistance:
         rounding = np.where(round_, model.geom_size[body, 0], 0.0)
         # What forearms keep clear of: the rest of the body, and each other, for which each goes half of the way.
         self._others = np.concatenate([body, self._fore])
-        self._geoms = np.concatenate([self._fore, self._others])
-        self._middles = model.geom_aabb[self._geoms, :3]
         self._rounding = np.concatenate([rounding, self._thickness])
         core = self._reach[:, None] * (np.arange(3) == self._along[:, None])
         self._core = np.concatenate([model.geom_aabb[body, 3:] - rounding[:, None], core])
@@ -164,14 +162,14 @@ class ArmDistance:
         # Views, looked up once, as in `RobotDynamics`.
         qpos, kinematics = data.qpos, mujoco.mj_kinematics
         positions, rotations, axes, anchors = data.geom_xpos, data.geom_xmat, data.xaxis, data.xanchor
-        for line, place, turn, axis, anchor in zip(lines, xpos, xmat, xaxis, xanchor, strict=True):
+        for k, line in enumerate(lines):
             qpos[:] = line
             kinematics(model, data)
-            place[:], turn[:], axis[:], anchor[:] = positions, rotations, axes, anchors
-        geoms = self._geoms
-        turned = xmat.take(geoms, axis=1).reshape(rows, len(geoms), 3, 3)
-        centres = xpos.take(geoms, axis=1) + np.einsum("rgij,gj->rgi", turned, self._middles)
-        return centres, turned, xaxis.take(self._ids, axis=1), xanchor.take(self._ids, axis=1)
+            xpos[k], xmat[k], xaxis[k], xanchor[k] = positions, rotations, axes, anchors
+        geoms = np.concatenate([self._fore, self._others])
+        turned = xmat[:, geoms].reshape(rows, len(geoms), 3, 3)
+        centres = xpos[:, geoms] + np.einsum("rgij,gj->rgi", turned, model.geom_aabb[geoms, :3])
+        return centres, turned, xaxis[:, self._ids], xanchor[:, self._ids]
 
 
 def _meet(model: mujoco.MjModel, one: int, other: int) -> bool:

@@ -46,10 +46,10 @@ class RobotDynamics:
         qpos, centre = data.qpos, data.subtree_com[self.torso]
         kinematics, centres = mujoco.mj_kinematics, mujoco.mj_comPos
         for row, found in zip(rows, com, strict=True):
-            qpos[:] = row
+            qpos[...] = row
             kinematics(model, data)
             centres(model, data)
-            found[:] = centre
+            found[...] = centre
         return com
 
     def inverse(
@@ -88,10 +88,10 @@ class RobotDynamics:
         passives, newton_euler = mujoco.mj_passive, mujoco.mj_rne
         lines = zip(qpos, qvel, qacc, force, passive_force, all_axes, all_anchors, strict=True)
         for q_row, v_row, a_row, found, passive_row, axes_row, anchors_row in lines:
-            position[:], velocity[:], acceleration[:] = q_row, v_row, a_row
+            position[...], velocity[...], acceleration[...] = q_row, v_row, a_row
             if model.ntendon:
                 mujoco.mj_inverse(model, data)
-                found[:] = data.qfrc_inverse
+                found[...] = data.qfrc_inverse
             else:
                 # What `mj_inverse` does, without the mass matrix, tendons, sensors and constraints: half of its time.
                 kinematics(model, data)
@@ -99,8 +99,8 @@ class RobotDynamics:
                 velocities(model, data)
                 passives(model, data)
                 newton_euler(model, data, 1, found)
-                passive_row[:] = passive
-            axes_row[:], anchors_row[:] = xaxis, xanchor
+                passive_row[...] = passive
+            axes_row[...], anchors_row[...] = xaxis, xanchor
         if not model.ntendon:
             force += model.dof_armature * qacc - passive_force
         axes, anchors = (array.take(self.leg_joints, axis=1) for array in (all_axes, all_anchors))
