@@ -152,6 +152,7 @@ CATALOGUE = (
         "torque 1 % off its largest, activation .02, r .8 with a model",
     ),
     Benchmark("realtime/latency", "1 min", (), "a budget of the stream settings is passed"),
+    Benchmark("realtime/plan_time", "2 min", (Need.CLIPS,)),
     Benchmark("realtime/gateway", "9 min", (), "a target unanswered; to command above 35, p99 50 ms; a fall"),
     Benchmark("realtime/page", "5 min", (), "the gateway above .25 cores with 3 pages; plans slowed by over 10 %"),
     Benchmark("realtime/flood", "3 min", (), "a target unanswered; periods missed, lateness or work above 1.5 x by it"),

@@ -47,71 +47,68 @@ class ArmPoses:
     shoulder: Float
     elbow: Float
     hand: Float
-    _upper_segment: _Segment
-    _fore_segment: _Segment
+    _segments: _Segments
 
-    @cached_property
+    @property
     def upper_jacobian(self) -> Float:
         """See the class."""
-        return self._upper_segment.jacobian()
+        return _by_joint(self._jacobians[:, :, 0])
 
-    @cached_property
+    @property
     def fore_jacobian(self) -> Float:
         """See the class."""
-        return self.upper_jacobian if self._fore_segment is self._upper_segment else self._fore_segment.jacobian()
+        return _by_joint(self._jacobians[:, :, -1])
 
     @cached_property
     def hand_jacobian(self) -> Float:
         """Derivatives of the hands by the joints of their arm, (..., 2, m, 3) [m/rad]; see the class."""
-        return self._fore_segment.end_jacobian()
+        return _by_joint(self._segments.hand_jacobian())
+
+    @cached_property
+    def _jacobians(self) -> Float:
+        return self._segments.jacobians()
 
 
-@dataclass(frozen=True)
-class _Segment:
-    """One segment of both arms, coordinates first.
+class _Segments:
+    """The segments of both arms, coordinates first: upper arm and forearm, or the whole arm where no joint divides it.
+
+    Args:
+        points: shoulder, elbow if there is one, and hand, (3, G + 1, ..., 2) [m].
+        axes, anchors: of all joints, (3, m, ..., 2).
+        joints: those at the points before the hand, G.
 
     Attributes:
-        along: from its begin to its end, (3, ..., 2) [m]; length: of it, (..., 2) [m]; unit: along / length.
-        end: (3, ..., 2) [m].
-        axes, anchors: of all joints, (3, m, ..., 2).
-        first, last: the joints at its begin and its end; None: the hand.
+        unit: vectors along the segments, (3, G, ..., 2).
     """
 
-    along: Float
-    length: Float
-    unit: Float
-    end: Float
-    axes: Float
-    anchors: Float
-    first: int
-    last: int | None
+    def __init__(self, points: Float, axes: Float, anchors: Float, joints: tuple[int, ...]) -> None:
+        self._points, self._axes, self._anchors, self._joints = points, axes, anchors, joints
+        self._along = points[:, 1:] - points[:, :-1]
+        self._length = np.sqrt((self._along * self._along).sum(axis=0))
+        self.unit: Float = self._along / self._length
 
-    @classmethod
-    def between(cls, begin: Float, end: Float, axes: Float, anchors: Float, first: int, last: int | None) -> _Segment:
-        """The segment between two points (3, ..., 2) [m]."""
-        along = end - begin
-        length = np.sqrt((along * along).sum(axis=0))
-        return cls(along, length, along / length, end, axes, anchors, first, last)
+    def hand_jacobian(self) -> Float:
+        """Derivatives of the hands, which all joints move, (3, m, ..., 2) [m/rad]."""
+        return _cross(self._axes, self._points[:, -1:] - self._anchors)
 
-    def end_jacobian(self) -> Float:
-        """Derivatives of the end of a segment that all joints move, (..., 2, m, 3) [m/rad]."""
-        out = _cross(self.axes, self.end[:, None] - self.anchors)
-        by_joint: Float = out.transpose(*range(2, out.ndim), 1, 0)
-        return by_joint
-
-    def jacobian(self) -> Float:
-        """Derivatives of the unit vector, (..., 2, m, 3) [1/rad]."""
-        moved = self.end[:, None] - self.anchors
-        # Joints before the first point turn both points.
-        moved[:, : self.first + 1] = self.along[:, None]
-        out = _cross(self.axes, moved)
-        if self.last is not None:
-            out[:, self.last :] = 0.0
+    def jacobians(self) -> Float:
+        """Derivatives of the unit vectors by the joints, (3, m, G, ..., 2) [1/rad]."""
+        moved = self._points[:, None, 1:] - self._anchors[:, :, None]
+        for segment, joint in enumerate(self._joints):
+            # Joints before the first point of a segment turn both of its points.
+            moved[:, : joint + 1, segment] = self._along[:, None, segment]
+        out = _cross(self._axes[:, :, None], moved)
+        for segment, joint in enumerate(self._joints[1:]):
+            out[:, joint:, segment] = 0.0
         unit = self.unit[:, None]
         out -= (out * unit).sum(axis=0) * unit
-        out /= self.length
-        by_joint: Float = out.transpose(*range(2, out.ndim), 1, 0)
-        return by_joint
+        out /= self._length
+        return out
+
+
+def _by_joint(derivatives: Float) -> Float:
+    """Derivatives with their coordinates first, (3, m, ..., 2), as (..., 2, m, 3): a view."""
+    return derivatives.transpose(*range(2, derivatives.ndim), 1, 0)
 
 
 class ArmChain:
@@ -165,6 +162,9 @@ class ArmChain:
         end = self._tips
         for joint in (self._shoulder,) if self._elbow is None else (self._elbow, self._shoulder):
             self._anchors[:, joint] = end = self._nearest(joint, end)
+        # Anchors and ends of axes of the joints in turn, and the hand, (2, 2 m + 1, 3).
+        pairs = np.stack([self._anchors, self._anchors + self._axes], axis=2).reshape(2, -1, 3)
+        self._at_zero = np.concatenate([pairs, self._tips[:, None]], axis=1)
         stand = self.poses(robot.stand_pose[self.joints])
         elbow = stand.elbow if self.has_elbow else 0.5 * (stand.shoulder + stand.hand)
         self.lengths = np.stack(
@@ -215,40 +215,36 @@ class ArmChain:
         """Segments of the arms at joint angles (..., 2, m) [rad]."""
         batch, count = q.shape[:-1], q.shape[-1]
         angle = np.ascontiguousarray(coordinates_first(q - self._zero))
-        sin, versine = np.sin(angle), 1.0 - np.cos(angle)
+        # Rodrigues' formula without the identity, sin K + (1 - cos) K²: (column, row, joint, ..., 2).
+        turns = np.sin(angle) * self._for_batch(self._cross, batch)
+        turns += (1.0 - np.cos(angle)) * self._for_batch(self._cross_squared, batch)
         # Each joint turns what comes after it: anchors and ends of axes of later joints, and the hand.
         points = np.empty((3, 2 * count + 1, *batch))
-        points[:, :-1:2] = self._for_batch(self._anchors, batch)
-        points[:, 1::2] = self._for_batch(self._anchors + self._axes, batch)
-        points[:, -1:] = self._for_batch(self._tips[:, None], batch)
+        points[...] = self._for_batch(self._at_zero, batch)
         for k in range(count - 1, -1, -1):
             moved = points[:, 2 * k + 2 :]
             away = moved - points[:, 2 * k, None]
-            # Rodrigues' formula without the identity: sin K + (1 - cos) K², by columns.
-            turn = sin[k] * self._for_batch(self._cross[:, k], batch)
-            turn += versine[k] * self._for_batch(self._cross_squared[:, k], batch)
             for column in range(3):
-                moved += turn[column][:, None] * away[column]
+                moved += turns[column, :, None, k] * away[column]
         anchors, hand = points[:, :-1:2], points[:, -1]
         axes = points[:, 1::2] - anchors
-        shoulder = anchors[:, self._shoulder]
-        elbow = hand if self._elbow is None else anchors[:, self._elbow]
-        upper = _Segment.between(shoulder, elbow, axes, anchors, self._shoulder, self._elbow)
-        fore = upper if self._elbow is None else _Segment.between(elbow, hand, axes, anchors, self._elbow, None)
+        joints = (self._shoulder,) if self._elbow is None else (self._shoulder, self._elbow)
+        ends = np.stack([*(anchors[:, joint] for joint in joints), hand], axis=1)
+        segments = _Segments(ends, axes, anchors, joints)
         return ArmPoses(
-            upper=coordinates_last(upper.unit),
-            fore=coordinates_last(fore.unit),
-            shoulder=coordinates_last(shoulder),
-            elbow=coordinates_last(elbow),
+            upper=coordinates_last(segments.unit[:, 0]),
+            fore=coordinates_last(segments.unit[:, -1]),
+            shoulder=coordinates_last(ends[:, 0]),
+            elbow=coordinates_last(ends[:, 1]),
             hand=coordinates_last(hand),
-            _upper_segment=upper,
-            _fore_segment=fore,
+            _segments=segments,
         )
 
     @staticmethod
     def _for_batch(constants: Float, batch: tuple[int, ...]) -> Float:
-        """Constants of both sides, (2, k, 3), coordinates first for a batch (..., 2): (3, k, ..., 2)."""
-        return constants.transpose(2, 1, 0).reshape(3, -1, *[1] * (len(batch) - 1), 2)
+        """Constants of both sides, (2, k, ..., 3), coordinates first for a batch (..., 2): (3, ..., k, ..., 2)."""
+        last_first = constants.transpose()
+        return last_first.reshape(*last_first.shape[:-1], *[1] * (len(batch) - 1), 2)
 
 
 def coordinates_first(array: Float) -> Float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg.lapack import dpbsv
 
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_cost import LONGEST_STEP, ArmCost, ArmTargets
@@ -112,8 +112,8 @@ def _solve(matrix: Float, right: Float, band: Float, beyond: Float, known: int) 
     lower[0, :, :-1] += links[:, known:]
     lower[count, :, :-1] -= links[:, known:]
     lower[0, :, (0 if known else 1) :] += links[:, max(known - 1, 0) :]
-    found = solveh_banded(
-        lower.reshape(2 * count + 1, -1), right.swapaxes(0, 1).reshape(-1), lower=True, check_finite=False
-    )
+    _, found, failed = dpbsv(lower.reshape(2 * count + 1, -1), right.swapaxes(0, 1).reshape(-1), lower=1)
+    if failed:
+        raise np.linalg.LinAlgError(f"the equations of the arms' path are not positive definite (row {failed})")
     step: Float = found.reshape(2, frames, count).swapaxes(0, 1)
     return step

@@ -8,6 +8,7 @@ that costs little. It makes up for its lag while the human is slower or waits.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, cos, hypot, isnan, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,17 +95,18 @@ class Cadence:
             aside: way to the left that is to be made [m].
         """
         front, yaw = 0 if aside > 0.0 else 1, float(feet[:, 3].mean())
-        x, y = (feet[0] - feet[1])[:2]
-        apart = np.cos(yaw) * y - np.sin(yaw) * x
+        x, y = (feet[0] - feet[1])[:2].tolist()
+        apart = cos(yaw) * y - sin(yaw) * x
         return front if apart < 0.5 * sum(self.footholds.gait.lateral) else 1 - front
 
     def _lags(self, view: HumanView, human_feet: Float, consumed: Float, second: float) -> list[tuple[float, float]]:
         """How far each foot is behind the human's; arguments of `lag`."""
         window = view.window
         yaw = window.mean_heading(*self._heading_s(second))
-        places = (self._human_place(view, side, consumed[side], second) for side in (0, 1))
-        ways = [np.nan_to_num(place - foot) for place, foot in zip(places, human_feet, strict=True)]
-        return [(self._along(view, way, yaw), self._along(view, way, yaw + 0.5 * np.pi)) for way in ways]
+        places = (self._human_place(view, side, float(consumed[side]), second) for side in (0, 1))
+        ways = ((place - foot).tolist() for place, foot in zip(places, human_feet, strict=True))
+        known = [(0.0 if isnan(x) else x, 0.0 if isnan(y) else y) for x, y in ways]
+        return [(self._along(view, way, yaw), self._along(view, way, yaw + 0.5 * pi)) for way in known]
 
     def _human_place(self, view: HumanView, side: int, consumed_s: float, second: float) -> Float:
         """Where the human's foot is at a source time, (2,) [m]: of one in the air, where it lifted.
@@ -147,7 +149,7 @@ class Cadence:
             human_feet[1 - side],
             steady,
         )
-        if np.hypot(*(wanted.pose - feet[side])[:2]) < (self.least_way if least_way is None else least_way):
+        if hypot(*(wanted.pose - feet[side])[:2].tolist()) < (self.least_way if least_way is None else least_way):
             return None
         shortest = self.swings.shortest_s(side, feet[side], wanted.pose)
         seconds = max(shortest, self.swings.stride_s(ahead_of(feet[1 - side], wanted.pose)))
@@ -177,13 +179,13 @@ class Cadence:
 
     def _short(self, view: HumanView, side: int, land_s: float, represented: Float) -> float:
         """How far a foot is from the human's in the human's heading [m of the robot]."""
-        way = view.window.place(side, land_s) - represented
-        return abs(self._along(view, way, view.window.mean_heading(*self._heading_s(land_s))))
+        x, y = (view.window.place(side, land_s) - represented).tolist()
+        return abs(self._along(view, (x, y), view.window.mean_heading(*self._heading_s(land_s))))
 
-    def _along(self, view: HumanView, way: Float, yaw: float) -> float:
-        """Part of a way on the human's ground (2,) along a heading [m of the robot]."""
+    def _along(self, view: HumanView, way: tuple[float, float], yaw: float) -> float:
+        """Part of a way on the human's ground along a heading [m of the robot]."""
         scale = self.footholds.gait.stride_factor * view.scaling.ratio
-        return float(scale * (np.cos(yaw) * way[0] + np.sin(yaw) * way[1]))
+        return scale * (cos(yaw) * way[0] + sin(yaw) * way[1])
 
     def _ticks(self, seconds: float) -> int:
-        return int(np.ceil(seconds * self.timing.rate))
+        return ceil(seconds * self.timing.rate)

@@ -31,7 +31,7 @@ class RobotDynamics:
         self.data = mujoco.MjData(self.model)
         self.torso = robot.torso_id
         self.leg_joints = np.array([[self.model.joint(robot.joint_names[i]).id for i in leg.indices] for leg in legs])
-        self.leg_columns = [leg.indices for leg in legs]
+        self.leg_columns = np.stack([leg.indices for leg in legs])
         self.half_sizes = robot.sole_half_size
         self.mass = float(self.model.body_subtreemass[self.torso])
 
@@ -45,11 +45,11 @@ class RobotDynamics:
         # Views, looked up once: an attribute of MjData costs as much as the kinematics of this robot.
         qpos, centre = data.qpos, data.subtree_com[self.torso]
         kinematics, centres = mujoco.mj_kinematics, mujoco.mj_comPos
-        for k, row in enumerate(rows):
-            qpos[:] = row
+        for row, found in zip(rows, com, strict=True):
+            qpos[...] = row
             kinematics(model, data)
             centres(model, data)
-            com[k] = centre
+            found[...] = centre
         return com
 
     def inverse(
@@ -80,58 +80,56 @@ class RobotDynamics:
         qpos[:, :7], qpos[:, robot.qpos_address] = base, q
         qvel[:, :6], qvel[:, robot.dof_address] = base_velocity, qd
         qacc[:, :6], qacc[:, robot.dof_address] = base_acceleration, qdd
-        force = np.empty((rows, model.nv))
+        force, passive_force = np.empty((rows, model.nv)), np.empty((rows, model.nv))
         all_axes, all_anchors = np.empty((rows, model.njnt, 3)), np.empty((rows, model.njnt, 3))
         position, velocity, acceleration, passive = data.qpos, data.qvel, data.qacc, data.qfrc_passive
         xaxis, xanchor = data.xaxis, data.xanchor
         kinematics, centres_of_mass, velocities = mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel
         passives, newton_euler = mujoco.mj_passive, mujoco.mj_rne
-        armature = model.dof_armature * qacc
-        for k in range(rows):
-            position[:], velocity[:], acceleration[:] = qpos[k], qvel[k], qacc[k]
+        lines = zip(qpos, qvel, qacc, force, passive_force, all_axes, all_anchors, strict=True)
+        for q_row, v_row, a_row, found, passive_row, axes_row, anchors_row in lines:
+            position[...], velocity[...], acceleration[...] = q_row, v_row, a_row
             if model.ntendon:
                 mujoco.mj_inverse(model, data)
-                force[k] = data.qfrc_inverse
+                found[...] = data.qfrc_inverse
             else:
                 # What `mj_inverse` does, without the mass matrix, tendons, sensors and constraints: half of its time.
                 kinematics(model, data)
                 centres_of_mass(model, data)
                 velocities(model, data)
                 passives(model, data)
-                newton_euler(model, data, 1, force[k])
-                force[k] += armature[k] - passive
-            all_axes[k], all_anchors[k] = xaxis, xanchor
-        axes, anchors = all_axes[:, self.leg_joints], all_anchors[:, self.leg_joints]
+                newton_euler(model, data, 1, found)
+                passive_row[...] = passive
+            axes_row[...], anchors_row[...] = xaxis, xanchor
+        if not model.ntendon:
+            force += model.dof_armature * qacc - passive_force
+        axes, anchors = (array.take(self.leg_joints, axis=1) for array in (all_axes, all_anchors))
         torque = force[:, robot.dof_address].copy()
         # Root rows: force in the world, moment in the torso frame about its origin.
         total = force[:, :3]
         moment = np.einsum("tij,tj->ti", matrices(base[:, 3:]), force[:, 3:6])
         moment = moment + cross(base[:, :3], total)
         zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
-        weights = np.column_stack([1.0 - share, share])
-        centres = feet[:, :, :3]
-        left_over = moment - sum(cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1))
-        for side in (0, 1):
-            push = weights[:, side : side + 1] * total
-            turn = weights[:, side : side + 1] * left_over
-            turn = self._inside_sole(turn, push[:, 2], feet[:, side, 3], self.half_sizes[side])
-            arm = centres[:, side, None] - anchors[:, side]
-            at_joint = turn[:, None] + cross(arm, np.broadcast_to(push[:, None], arm.shape))
-            torque[:, self.leg_columns[side]] -= np.einsum("tji,tji->tj", axes[:, side], at_joint)
+        # From here on of both feet, (T, 2, ...).
+        weights, centres = np.stack([1.0 - share, share], axis=1)[:, :, None], feet[:, :, :3]
+        push = weights * total[:, None]
+        turn = weights * (moment - cross(centres, push).sum(axis=1))[:, None]
+        turn = self._inside_sole(turn, push[..., 2], feet[..., 3])
+        at_joint = turn[:, :, None] + cross(centres[:, :, None] - anchors, push[:, :, None])
+        torque[:, self.leg_columns] -= np.einsum("tsji,tsji->tsj", axes, at_joint)
         return torque, zmp
 
-    @staticmethod
-    def _inside_sole(moment: Float, load: Float, yaw: Float, half: Float) -> Float:
-        """A foot's moment, bounded so that its centre of pressure is on the sole, (T, 3) [N·m].
+    def _inside_sole(self, moment: Float, load: Float, yaw: Float) -> Float:
+        """Moments of the feet, bounded so that their centres of pressure are on the soles, (T, 2, 3) [N·m].
 
         Args:
-            moment: about the sole's centre, in the world, (T, 3) [N·m]; load: vertical force, (T,) [N].
-            yaw: of the foot, (T,) [rad]; half: half the sole's length and width, (2,) [m].
+            moment: about each sole's centre, in the world, (T, 2, 3) [N·m]; load: vertical force, (T, 2) [N].
+            yaw: of the feet, (T, 2) [rad].
         """
         cos, sin = np.cos(yaw), np.sin(yaw)
-        about_x = cos * moment[:, 0] + sin * moment[:, 1]
-        about_y = cos * moment[:, 1] - sin * moment[:, 0]
-        bound = np.maximum(load, 0.0)
-        about_x = np.clip(about_x, -half[1] * bound, half[1] * bound)
-        about_y = np.clip(about_y, -half[0] * bound, half[0] * bound)
-        return np.column_stack([cos * about_x - sin * about_y, sin * about_x + cos * about_y, moment[:, 2]])
+        about_x = cos * moment[..., 0] + sin * moment[..., 1]
+        about_y = cos * moment[..., 1] - sin * moment[..., 0]
+        most_x, most_y = (half * np.maximum(load, 0.0) for half in (self.half_sizes[:, 1], self.half_sizes[:, 0]))
+        about_x = np.minimum(np.maximum(about_x, -most_x), most_x)
+        about_y = np.minimum(np.maximum(about_y, -most_y), most_y)
+        return np.stack([cos * about_x - sin * about_y, sin * about_x + cos * about_y, moment[..., 2]], axis=-1)

@@ -8,6 +8,7 @@ slides while it stands.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import cos, hypot, isnan, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,22 +137,25 @@ class Footholds:
             turn: yaw of the foot before the swing [rad], and the share of the turn from there that this step makes.
         """
         gait = self.gait
-        human = window.place(side, land_s)
-        beside = window.left(1 - side, land_s)
+        # Plain numbers: numpy takes ten times as long for one at a time.
+        human_x, human_y = window.place(side, land_s).tolist()
+        beside_x, beside_y = window.left(1 - side, land_s).tolist()
         human_yaw = window.mean_heading(*heading_s)
-        human_stance = beside if np.isnan(human_stance).any() else human_stance
+        from_x, from_y = human_stance.tolist()
+        if isnan(from_x) or isnan(from_y):
+            from_x, from_y = beside_x, beside_y
+        stance_x, stance_y, _, stance_yaw = stance.tolist()
         inward = -1.0 if side == 0 else 1.0
-        askew = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
+        askew = _bounded(human_yaw + scaling.heading - stance_yaw, gait.max_foot_yaw)
         # Toes that turn in meet the other foot sooner than toes that turn out.
         askew = max(askew, -gait.max_toe_in) if inward < 0 else min(askew, gait.max_toe_in)
         start_yaw, share = turn
-        askew = share * askew + (1.0 - share) * (start_yaw - stance[3])
-        yaw = stance[3] + askew
-        cos, sin = np.cos(human_yaw), np.sin(human_yaw)
-        dx, dy = human[:2] - human_stance[:2]
-        forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
-        behind = beside - human_stance
-        lag, before = (_along(behind, yaw) for yaw in (human_yaw, stance[3] - scaling.heading))
+        askew = share * askew + (1.0 - share) * (start_yaw - stance_yaw)
+        c, s = cos(human_yaw), sin(human_yaw)
+        dx, dy = human_x - from_x, human_y - from_y
+        forward, sideways = c * dx + s * dy, c * dy - s * dx
+        behind = beside_x - from_x, beside_y - from_y
+        lag, before = (_along(behind, yaw) for yaw in (human_yaw, stance_yaw - scaling.heading))
         if lag * before < 0.0:
             # The human has turned about and comes toward the robot. Making up for the lag would be a walk backward.
             forward -= lag
@@ -159,24 +163,24 @@ class Footholds:
         forward *= scale
         asked = forward
         longest = max(self.swings.stride(seconds, forward < 0.0), 1e-6)
-        forward = float(np.clip(forward, -longest, longest))
+        forward = _bounded(forward, longest)
         wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
-        narrowest, widest = self.apart(float(askew))
-        apart = np.clip(wanted, narrowest, widest)
+        narrowest, widest = self.apart(askew)
+        apart = min(max(wanted, narrowest), widest)
         # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both, what is aside first.
         ahead, aside = abs(forward) / longest, (apart - narrowest) / max(widest - narrowest, 1e-6)
         if ahead * ahead + aside * aside > 1.0:
-            reached = max(ahead / float(np.hypot(ahead, aside)), min(ahead, _AHEAD_FIRST))
-            forward, apart = forward * reached / ahead, narrowest + (widest - narrowest) * np.sqrt(1.0 - reached**2)
+            reached = max(ahead / hypot(ahead, aside), min(ahead, _AHEAD_FIRST))
+            forward, apart = forward * reached / ahead, narrowest + (widest - narrowest) * sqrt(1.0 - reached**2)
         # In sidesteps the feet soon meet each other: the rest of the way is left to the next step of the other foot.
-        carry = np.clip(-inward * (apart - wanted) / scaling.ratio, -_MAX_CARRY, _MAX_CARRY)
-        short = np.clip(asked - forward, -self.most_lag, self.most_lag) / scale
-        human = human + carry * np.array([-sin, cos]) - short * np.array([cos, sin])
-        frame = stance[3] + 0.5 * askew
-        cos, sin = np.cos(frame), np.sin(frame)
+        carry = _bounded(-inward * (apart - wanted) / scaling.ratio, _MAX_CARRY)
+        short = _bounded(asked - forward, self.most_lag) / scale
+        human = np.array([human_x - carry * s - short * c, human_y + carry * c - short * s])
+        frame = stance_yaw + 0.5 * askew
+        c, s = cos(frame), sin(frame)
         sideways = -inward * apart
-        x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
-        return Foothold(np.array([x, y, 0.0, yaw]), human, frame - human_yaw)
+        x, y = stance_x + c * forward - s * sideways, stance_y + s * forward + c * sideways
+        return Foothold(np.array([x, y, 0.0, stance_yaw + askew]), human, frame - human_yaw)
 
     def apart(self, askew: float) -> tuple[float, float]:
         """Least and greatest distance of a foot from the other one to its side [m].
@@ -185,22 +189,28 @@ class Footholds:
             askew: yaw between the feet [rad].
         """
         # A turned foot needs room for its corners.
-        narrowest = self.gait.lateral[0] + self.sole_half_length * abs(float(np.sin(askew)))
+        narrowest = self.gait.lateral[0] + self.sole_half_length * abs(sin(askew))
         return narrowest, max(narrowest, self.gait.lateral[1])
 
     def _on_ground(self, scaling: Scaling, wanted: Foothold, pose: Float) -> Float:
         """How far on the human's ground a pose of the foot is from the one that was wanted, (2,) [m]."""
-        x, y = (pose - wanted.pose)[:2] / (self.gait.stride_factor * scaling.ratio)
-        cos, sin = np.cos(wanted.bearing), np.sin(wanted.bearing)
-        return np.array([cos * x + sin * y, cos * y - sin * x])
+        x, y = ((pose - wanted.pose)[:2] / (self.gait.stride_factor * scaling.ratio)).tolist()
+        c, s = cos(wanted.bearing), sin(wanted.bearing)
+        return np.array([c * x + s * y, c * y - s * x])
 
 
-def _along(way: Float, yaw: float) -> float:
-    """Part of a way (2,) in the direction of a yaw."""
-    return float(np.cos(yaw) * way[0] + np.sin(yaw) * way[1])
+def _along(way: tuple[float, float], yaw: float) -> float:
+    """Part of a way in the direction of a yaw."""
+    return cos(yaw) * way[0] + sin(yaw) * way[1]
+
+
+def _bounded(value: float, most: float) -> float:
+    """A value within a bound to both sides."""
+    return min(max(value, -most), most)
 
 
 def ahead_of(stance: Float, pose: Float) -> float:
     """How far a foot is ahead of the other foot, in the frame midway between both [m]."""
-    yaw = 0.5 * (stance[3] + pose[3])
-    return float(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1]))
+    (from_x, from_y, _, from_yaw), (x, y, _, yaw) = stance.tolist(), pose.tolist()
+    midway = 0.5 * (from_yaw + yaw)
+    return cos(midway) * (x - from_x) + sin(midway) * (y - from_y)

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.segment_motion import AT_REST
 from flexmotion.human.contacts import ContactDetector
-from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.kinematics import FORWARD, HumanKinematics, forward, named_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 from flexmotion.spatial.gravity import GRAVITY
@@ -48,7 +49,10 @@ class HumanWindow:
     def __init__(self, motion: Motion, start_s: float, detector_state: Float, yaws: Float | None) -> None:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
-        self.kinematics: HumanKinematics = forward(motion)
+        # Poses are laid out once, also for `limb_tension` of a motion with torques.
+        names = FORWARD if motion.torques is None else (*FORWARD, *(name for name in AT_REST if name not in FORWARD))
+        self.arrays = named_arrays(motion, names)
+        self.kinematics: HumanKinematics = forward(motion, self.arrays)
         # Plausible ground forces show which foot is loaded better than heights and speeds of the feet.
         force = None if motion.wrenches is None else motion.wrenches[:, :, 2] / (motion.body.mass * GRAVITY)
         self.contacts, self.detector_states = ContactDetector().detect(
@@ -98,9 +102,22 @@ class HumanWindow:
         share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
         return values[low] + share * (values[np.minimum(low + 1, len(values) - 1)] - values[low])
 
+    def at_one(self, values: Float, second: float) -> Float:
+        """What `at` gives for one time, (...): a tenth of its time, and the steps of a plan ask for some thirty."""
+        last = len(self.times) - 1
+        place = min(max((second - float(self.times[0])) * self.motion.fps, 0.0), float(last))
+        low = min(int(place), max(last - 1, 0))
+        found: Float = values[low] + (place - low) * (values[min(low + 1, last)] - values[low])
+        return found
+
+    def frames_between(self, start_s: float, end_s: float) -> slice:
+        """The frames between two source times [s], those at the times included; may be none."""
+        first, after = np.searchsorted(self.times, (start_s - 1e-9, end_s + 1e-9))
+        return slice(int(first), int(after))
+
     def foot(self, side: int, second: float) -> Float:
         """Ground pose x, y, yaw of a foot, (3,) [m, m, rad]."""
-        return self.at(self.feet[:, side], np.array([second]))[0]
+        return self.at_one(self.feet[:, side], second)
 
     def place(self, side: int, second: float) -> Float:
         """Position of a foot on the ground, (2,) [m]: of one that swings, where it lands, if that is in the window."""
@@ -118,18 +135,14 @@ class HumanWindow:
 
     def mean_heading(self, start_s: float, end_s: float) -> float:
         """Mean yaw of the pelvis between two source times [rad]."""
-        rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)
-        if not rows.any():
-            return float(self.at(self.yaws[:, 2], np.array([end_s]))[0])
-        return float(self.yaws[rows, 2].mean())
+        yaws = self.yaws[self.frames_between(start_s, end_s), 2]
+        return float(yaws.mean() if len(yaws) else self.at_one(self.yaws[:, 2], end_s))
 
     def foot_height(self, side: int, start_s: float, end_s: float) -> float:
         """Greatest height of the foot between two source times, over its height at the first [m]."""
-        rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)
-        if not rows.any():
-            return 0.0
         height = 0.5 * (self.kinematics.heel[:, side, 2] + self.kinematics.toe[:, side, 2])
-        return float(height[rows].max() - self.at(height, np.array([start_s]))[0])
+        first = float(self.at_one(height, start_s))
+        return float(height[self.frames_between(start_s, end_s)].max(initial=first)) - first
 
     @cached_property
     def tilt(self) -> Float:

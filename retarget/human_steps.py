@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import hypot
 
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
@@ -18,7 +18,7 @@ def is_step(window: HumanWindow, swing: Swing) -> bool:
     """Whether a human swing is a step, rather than a shuffle or a lifted heel."""
     start, end = window.foot(swing.side, swing.lift_s), window.foot(swing.side, swing.land_s)
     return bool(
-        np.hypot(*(end - start)[:2]) > _LEAST_DISTANCE
+        hypot(*(end - start)[:2].tolist()) > _LEAST_DISTANCE
         or abs(end[2] - start[2]) > _LEAST_YAW
         or window.foot_height(swing.side, swing.lift_s, swing.land_s) > _LEAST_LIFT
     )

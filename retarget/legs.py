@@ -7,7 +7,9 @@ remaining rotation. Vectorised over any number of rows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -137,29 +139,69 @@ class Leg:
             Angles with the model's signs, (T, 6) [rad], and the missing length of the leg, (T,) [m]. It is 0 where the
             target is within reach; else the ankle is on the line from the hip to its target.
         """
-        ankle = sole_position - sole_rotation @ self.sole
-        hip = torso_position + torso_rotation @ self.hip
-        r = np.einsum("tji,tj->ti", sole_rotation, hip - ankle)
-        distance = np.sqrt(np.einsum("ti,ti->t", r, r))
-        reach = np.minimum(np.maximum(distance, abs(self.thigh - self.shank) + _LEAST_REACH), self.length)
-        cosine = (reach * reach - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank)
+        angles, missing = self._alone.solve(torso_position, torso_rotation, sole_position[None], sole_rotation[None])
+        return angles[0], missing[0]
+
+    @cached_property
+    def _alone(self) -> Legs:
+        return Legs((self,))
+
+
+class Legs:
+    """Several legs of a robot, solved at once.
+
+    Attributes:
+        indices: columns of their joints in the robot's order, (S, 6).
+    """
+
+    def __init__(self, legs: Sequence[Leg]) -> None:
+        self.indices = np.stack([leg.indices for leg in legs])
+        self._signs = np.stack([leg.signs for leg in legs])[:, None]
+        # Coordinates first, then legs, then one row.
+        self._hip, self._sole = (
+            np.stack([getattr(leg, name) for leg in legs], axis=1)[..., None] for name in ("hip", "sole")
+        )
+        self._thigh, self._shank, self._length = (
+            np.array([[getattr(leg, name)] for leg in legs]) for name in ("thigh", "shank", "length")
+        )
+
+    def solve(
+        self, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float
+    ) -> tuple[Float, Float]:
+        """Joint angles for poses of the soles; arguments of `Leg.solve`.
+
+        Args:
+            sole_position: centres of the soles, (S, T, 3) [m]; sole_rotation: (S, T, 3, 3).
+
+        Returns:
+            As `Leg.solve`, (S, T, 6) [rad] and (S, T) [m].
+        """
+        # Coordinates first in memory: numpy is fastest along a long last axis. Matrices are (row, column, S, T).
+        torso = np.ascontiguousarray(torso_rotation.transpose(1, 2, 0))[:, :, None]
+        sole = np.ascontiguousarray(sole_rotation.transpose(2, 3, 0, 1))
+        hip = torso_position.T[:, None] + (torso * self._hip).sum(axis=1)
+        ahead, aside, below = self._sole + (sole * (hip - sole_position.transpose(2, 0, 1))[:, None]).sum(axis=0)
+        across = aside * aside + below * below
+        distance = np.sqrt(ahead * ahead + across)
+        thigh, shank = self._thigh, self._shank
+        reach = np.minimum(np.maximum(distance, np.abs(thigh - shank) + _LEAST_REACH), self._length)
+        cosine = (reach * reach - thigh**2 - shank**2) / (2 * thigh * shank)
         knee = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
-        ankle_roll = np.arctan2(r[:, 1], r[:, 2])
-        lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))
-        ankle_pitch = lean - np.arctan2(self.thigh * np.sin(knee), self.shank + self.thigh * np.cos(knee))
+        ankle_roll = np.arctan2(aside, below)
+        lean = np.arctan2(-ahead, np.sqrt(across))
+        ankle_pitch = lean - np.arctan2(thigh * np.sin(knee), shank + thigh * np.cos(knee))
         # The hip's rotation is torso.T @ sole @ Rx(-ankle_roll) @ Ry(-ankle_pitch - knee); only parts of it are needed.
-        cos, sin = np.cos(ankle_roll)[:, None], np.sin(ankle_roll)[:, None]
-        left, top = sole_rotation[:, :, 1], sole_rotation[:, :, 2]
-        middle = np.einsum("tji,tj->it", torso_rotation, cos * left - sin * top)
-        up = torso_rotation[:, :, 2]
-        first = np.einsum("ti,ti->t", up, sole_rotation[:, :, 0])
-        last = np.einsum("ti,ti->t", up, sin * left + cos * top)
+        cos, sin = np.cos(ankle_roll), np.sin(ankle_roll)
+        left, top, up = sole[:, 1], sole[:, 2], torso[:, 2]
+        middle = (torso * (cos * left - sin * top)[:, None]).sum(axis=0)
+        first = (up * sole[:, 0]).sum(axis=0)
+        last = (up * (sin * left + cos * top)).sum(axis=0)
         bend = ankle_pitch + knee
         cos, sin = np.cos(bend), np.sin(bend)
-        angles = np.empty((len(r), len(CHAIN)))
-        angles[:, 0] = np.arctan2(-middle[0], middle[1])
-        angles[:, 1] = np.arcsin(np.minimum(np.maximum(middle[2], -1.0), 1.0))
-        angles[:, 2] = np.arctan2(-cos * first - sin * last, cos * last - sin * first)
-        angles[:, 3], angles[:, 4], angles[:, 5] = knee, ankle_pitch, ankle_roll
-        angles *= self.signs
+        angles = np.empty((*reach.shape, len(CHAIN)))
+        angles[..., 0] = np.arctan2(-middle[0], middle[1])
+        angles[..., 1] = np.arcsin(np.minimum(np.maximum(middle[2], -1.0), 1.0))
+        angles[..., 2] = np.arctan2(-cos * first - sin * last, cos * last - sin * first)
+        angles[..., 3], angles[..., 4], angles[..., 5] = knee, ankle_pitch, ankle_roll
+        angles *= self._signs
         return angles, np.abs(distance - reach)

@@ -189,6 +189,8 @@ class PartPaths:
 
     def moves(self, state: RetargetState, tick: float) -> bool:
         """Whether a joint is under way to its goal, or back from it, at a tick or soon after it."""
+        if not state.part.any():  # most plans lead nothing
+            return False
         settle = _SETTLE_S * self._rate
         coming = tick < state.part_due + settle
         going = (tick + settle >= state.part_until) & (tick < state.part_until + self._fades(state) + settle)

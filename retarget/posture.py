@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.robot_file import Gait
@@ -14,6 +13,7 @@ from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.smoothing import Follower
+from flexmotion.retarget.splines import Spline
 from flexmotion.retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
@@ -140,10 +140,9 @@ def upper_targets(window: HumanWindow, angles: Float, arms: int, seconds: Float,
         angles: of each frame, arms before head, (F, U) [rad]; arms: number of arm joints.
         seconds: source time of each row, constant after the last frame, (T,) [s]; last: the last of these times [s].
     """
-    path = CubicSpline(window.times, angles[:, :arms], bc_type="natural")
     first = window.times[0]
     inside = ((seconds > first) & (seconds < last))[:, None]
-    at = np.clip(seconds, first, last)
-    lead = np.where(inside, path(at, 1) * (2.0 / _UPPER_OMEGA) + path(at, 2) / _UPPER_OMEGA**2, 0.0)
+    path = Spline(window.times, angles[:, :arms], natural=True).at(np.minimum(np.maximum(seconds, first), last))
+    lead = np.where(inside, path.first * (2.0 / _UPPER_OMEGA) + path.second / _UPPER_OMEGA**2, 0.0)
     head = window.at(angles[:, arms:], np.minimum(seconds + 2.0 / _UPPER_OMEGA, last))
-    return np.hstack([path(at) + lead, head])
+    return np.hstack([path.value + lead, head])

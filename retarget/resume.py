@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,54 +52,69 @@ def resume_states(
     vectors = np.broadcast_to(vector, (rows, layout.size)).copy()
     before, states = layout.view(vector), layout.view(vectors)
     states.feet, states.com, states.dcm = walk.schedule.feet, body.com, walk.balance.dcm
-    states.com_offset = _row_before(before.com_offset, body.offset)
-    states.position = _row_before(before.position, body.position)
-    states.velocity = _row_before(before.velocity, body.velocity)
-    states.tension = _row_before(before.tension, body.tension)
-    states.q, states.base = _two_rows_before(before.q, body.q), _two_rows_before(before.base, body.base)
+    _write_row_before(states.com_offset, before.com_offset, body.offset)
+    _write_row_before(states.position, before.position, body.position)
+    _write_row_before(states.velocity, before.velocity, body.velocity)
+    _write_row_before(states.tension, before.tension, body.tension)
+    _write_two_rows_before(states.q, before.q, body.q)
+    _write_two_rows_before(states.base, before.base, body.base)
     _write_steps(states, before, walk, rate_hz)
     if view is not None:
         _write_human(states, view, walk.ticks)
     return vectors
 
 
-def _row_before(first: Float, values: Float) -> Float:
-    """Values (T, ...) one row later, `first` (...) in the first row."""
-    return np.concatenate([first[None], values[:-1]])
+def _write_row_before(out: Float, first: Float, values: Float) -> None:
+    """Write values (T, ...) one row later to `out`, and `first` (...) to its first row."""
+    out[0], out[1:] = first, values[:-1]
 
 
-def _two_rows_before(first: Float, values: Float) -> Float:
-    """The two rows before each row of values (T, n), newest first, (T, 2, n); `first` (2, n) those before the first."""
-    rows = len(values)
-    line = np.concatenate([first[::-1], values])
-    return np.stack([line[1 : rows + 1], line[:rows]], axis=1)
+def _write_two_rows_before(out: Float, first: Float, values: Float) -> None:
+    """Write the two rows before each row of values (T, n), newest first, to `out` (T, 2, n).
+
+    Args:
+        first: those before the first row, (2, n).
+    """
+    out[0], out[1, 1] = first, first[0]
+    out[1:, 0], out[2:, 1] = values[:-1], values[:-2]
 
 
 def _write_steps(states: RetargetState, before: RetargetState, walk: Walk, rate_hz: float) -> None:
     """Write to each row the steps that are settled and not landed, and the effects of those before."""
-    ticks = walk.ticks
+    now = float(walk.ticks[0])
+
+    def row(tick: float) -> int:
+        """The first row at or after a tick."""
+        return max(ceil(tick - now), 0)
+
     consumed, human_feet = before.consumed.copy(), before.human_feet.copy()
-    settled = settled_from(walk.steps, rate_hz)
+    settled = settled_from(walk.steps, rate_hz).tolist()
     for step, tick in zip(walk.steps, settled, strict=True):
-        landed = ticks >= step.land
+        landed = slice(row(step.land), None)
         states.landed[landed], states.stance[landed] = step.land, step.stance
         consumed[step.side] = max(consumed[step.side], step.consumed_s)
-        states.consumed[ticks >= tick] = consumed
+        states.consumed[row(tick) :] = consumed
         human_feet[step.side] = step.human
         states.human_feet[landed] = human_feet
-    for edge in sorted({ticks[0], *np.ceil(settled), *(step.land for step in walk.steps)}):
-        current = [step for step, tick in zip(walk.steps, settled, strict=True) if tick <= edge < step.land]
-        states.steps[ticks >= edge] = pack_steps(current, SETTLED_STEPS)
+    packed, records = pack_steps(walk.steps), states.steps
+    edges = sorted({0, *map(row, settled), *(row(step.land) for step in walk.steps)})
+    for edge, end in zip(edges, [*edges[1:], None], strict=True):
+        tick = now + edge
+        current = [k for k, step in enumerate(walk.steps) if settled[k] <= tick < step.land]
+        record = pack_steps([], SETTLED_STEPS)
+        record[: len(current)] = packed[current]
+        records[edge:end] = record
 
 
 def _write_human(states: RetargetState, view: HumanView, ticks: Float) -> None:
     """Write what was known before the frame at or before each row: `Retargeter.next_frame` gives that frame again."""
     frames = view.window.frame_before(view.seconds(ticks))
-    known = frames >= 1
+    known = int(frames.searchsorted(1))
     if view.ease.pace != 1.0:
         follow = view.follow
         eased = ticks - view.seconds(ticks) * view.rate_hz
         # In the stop tail the human's clock goes on at its own pace.
         states.source_tick = np.concatenate([eased[:follow], np.full(len(ticks) - follow, eased[follow - 1])])
-    states.detector[known] = view.window.detector_states[frames[known] - 1]
-    states.yaws[known] = view.window.yaws[frames[known] - 1]
+    earlier = frames[known:] - 1
+    states.detector[known:] = view.window.detector_states.take(earlier, axis=0)
+    states.yaws[known:] = view.window.yaws.take(earlier, axis=0)

@@ -20,7 +20,7 @@ from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
-from flexmotion.retarget import balance, posture
+from flexmotion.retarget import posture
 from flexmotion.retarget.arm_cost import ArmTargets
 from flexmotion.retarget.arm_guard import ArmGuard
 from flexmotion.retarget.bend import TrunkBend
@@ -43,7 +43,7 @@ from flexmotion.retarget.state import SETTLED_STEPS, RetargetState, StateLayout
 from flexmotion.retarget.steps import Step, pack_steps
 from flexmotion.retarget.stiffness import LimbStiffness
 from flexmotion.retarget.swing import Swings
-from flexmotion.retarget.swing_check import SwingCheck
+from flexmotion.retarget.swing_check import Sway, SwingCheck
 from flexmotion.retarget.swing_effort import SwingEffort
 from flexmotion.retarget.torques import JointTorques
 from flexmotion.retarget.view import HumanView, forget_human, view_human
@@ -53,6 +53,8 @@ from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
+_CALM_S = 0.2
+"""This long after the last touch-down, and after the human, a plan's motion is a smooth way to its rest [s]."""
 _MISSING_LEG = 1e-4
 """A row whose legs are too short by more than this counts as a repair of its positions [m]."""
 
@@ -100,14 +102,13 @@ class Retargeter:
         check = SwingCheck(
             self.swings,
             SwingEffort(robot, self.body.legs, self.omega),
-            self.body,
             float(self.follower.omega[0]),
             self.footsteps.timing.pause,
             self.rate,
             settings.replan_s,
         )
         sole = float(robot.sole_half_size[:, 0].min())
-        self.walks = WalkPlanner(self.footsteps, absorber, check, sole, settings.lead_in_s, self.rate)
+        self.walks = WalkPlanner(self.footsteps, absorber, check, self.body, sole, settings.lead_in_s, self.rate)
         self.capture = CaptureSteps(self.gait, self.swings, robot.sole_half_size.min(axis=0), self.omega, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.stiffness = LimbStiffness(robot)
@@ -291,9 +292,9 @@ class Retargeter:
             walk = self.walks.follow(now, view)
         checkpoint()
         schedule, zmp, dcm = walk.schedule, walk.balance.zmp, walk.balance.dcm
-        com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
+        com, com_velocity = walk.sway.com, walk.sway.com_velocity
         targets, arms = self._targets(now, view, walk.schedule, checkpoint)
-        targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
+        targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(walk.sway))
         targets = self.parts.lead(now, targets, tick, stands=view is None)
         # A path to a goal is laid out within the whole bounds, and answered with its time.
         led = self.parts.led(now, tick)
@@ -309,23 +310,25 @@ class Retargeter:
         position, velocity, slow, soft = followed
         outside = (q < self.robot.lower) | (q > self.robot.upper)
         q = np.clip(q, self.robot.lower, self.robot.upper)
-        qd, qdd, torque = self.torques.of(now, schedule, base, q)
+        rows, follows = len(walk.ticks), 0 if view is None else view.follow
+        # From here on the robot only comes to rest, unless arms or head are on a way of their own.
+        quiet = max([follows, *(step.land - tick for step in walk.steps)]) + int(_CALM_S * self.rate)
+        qd, qdd, torque = self.torques.of(now, schedule, base, q, rows if led.any() else quiet)
         checkpoint()
         upper = slice(len(POSTURE), None)
         hand_error = self._hand_error(view, q, arms)
         arms_led = led[upper][: self.body.upper.arms.size].reshape(2, -1).any(axis=1)
         hand_error[:, arms_led] = np.nan  # such a hand does not follow the human's
-        rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:
-            source_s[: view.follow] = view.seconds(walk.ticks[: view.follow])
+            source_s[:follows] = view.seconds(walk.ticks[:follows])
         led_joints = np.zeros(self.robot.n, np.bool_)
         led_joints[self.body.upper.joints] = led[upper]
         tension = self.stiffness.tension(now.tension, view, rows, led_joints, restrictions.tension)
         body = BodyMotion(com, position, velocity, base, q, offset, tension)
         return Plan(
             start_tick=tick,
-            stop_row=0 if view is None else view.follow,
+            stop_row=follows,
             source_s=source_s,
             q=q,
             qd=qd,
@@ -396,11 +399,10 @@ class Retargeter:
         joints = posture.upper_targets(window, angles, upper.arms.size, held, known[-1])
         return np.hstack([trunk, np.clip(joints, self.robot.lower[upper.joints], self.robot.upper[upper.joints])]), arms
 
-    def _reachable_height(self, state: RetargetState, schedule: Schedule, com: Float) -> Float:
+    def _reachable_height(self, sway: Sway) -> Float:
         """Hip height within reach of both legs, lowered as early as the follower needs to get there, (T,) [m]."""
-        height = self.body.reachable_height(schedule.feet, com, state.com_offset)
         ahead = int(round(3.0 / self.follower.omega[0] * self.rate))
-        return minimum_filter1d(height, ahead + 1, origin=-(ahead // 2), mode="nearest")
+        return minimum_filter1d(sway.reach, ahead + 1, origin=-(ahead // 2), mode="nearest")
 
     def _hand_error(self, view: HumanView | None, q: Float, arms: ArmTargets | None) -> Float:
         """Distance of the hands from their targets, (T, 2) [m].

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -86,14 +87,20 @@ class Follower:
         Of positions alone it is the linear filter x_k = (1 + keep - pull) x_k-1 - keep x_k-2 + pull r_k.
         """
         positions = np.empty(targets.shape)
-        for omega in np.unique(self.omega):
-            own = self.omega == omega
+        for omega, own in self._alike:
             keep, pull = self._gains(omega)
             pull = float(pull * self.dt)
             start, last = position[own], keep * (position[own] - self.dt * velocity[own])
             state = np.stack([(1.0 + keep - pull) * start - last, -keep * start])
             positions[:, own] = recursive([pull], [pull - keep - 1.0, keep], targets[:, own], state)
-        return positions, np.diff(positions, axis=0, prepend=position[None]) / self.dt
+        moved = np.concatenate([position[None], positions])
+        return positions, (moved[1:] - moved[:-1]) / self.dt
+
+    @cached_property
+    def _alike(self) -> list[tuple[float, slice]]:
+        """Natural frequencies, and the channels next to each other that have them."""
+        edges = [0, *(np.flatnonzero(self.omega[1:] != self.omega[:-1]) + 1).tolist(), len(self.omega)]
+        return [(float(self.omega[a]), slice(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
 
     def _bounded(
         self, targets: Float, channel: int, x: float, v: float

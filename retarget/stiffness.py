@@ -47,7 +47,7 @@ class LimbStiffness:
         """
         targets = np.ones((rows, len(LIMBS)))
         if view is not None and self._least < 1.0:
-            found = limb_tension(view.window.motion)
+            found = limb_tension(view.window.motion, view.window.arrays)
             if found is not None:
                 ticks = view.tick + np.arange(view.follow, dtype=float)
                 targets[: view.follow] = view.window.at(found, view.seconds(ticks) + SMOOTH_S)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,14 +89,14 @@ class Swings:
         Returns:
             (T, 4) [m, m, m, rad].
         """
-        ahead = float(np.clip(_travel(side, start, target)[0], self.ahead[0], self.ahead[-1]))
-        above = int(np.clip(np.searchsorted(self.ahead, ahead), 1, len(self.ahead) - 1))
+        ahead = min(max(_travel(side, start, target)[0], float(self.ahead[0])), float(self.ahead[-1]))
+        above = min(max(int(self.ahead.searchsorted(ahead)), 1), len(self.ahead) - 1)
         share = (ahead - self.ahead[above - 1]) / (self.ahead[above] - self.ahead[above - 1])
         progress, lift = (
             np.interp(phase, _OUTLINE, (1.0 - share) * shapes[above - 1] + share * shapes[above])
             for shapes in (self.progress, self.lift)
         )
-        path: Float = start + np.outer(progress, target - start)
+        path: Float = start + progress[:, None] * (target - start)
         path[:, 2] += self.clearance * lift
         return path
 
@@ -104,10 +105,10 @@ class Swings:
 
         Beyond the table it grows with the travel.
         """
-        travel = np.array(_travel(side, start, target))
+        travel = _travel(side, start, target)
         most = self.ahead[0 if travel[0] < 0.0 else -1], self.aside[-1], self.turns[-1]
-        beyond = max(1.0, *np.abs(travel / most))
-        ahead, aside, turn = travel / beyond
+        beyond = max(1.0, *(abs(way / float(end)) for way, end in zip(travel, most, strict=True)))
+        ahead, aside, turn = (way / beyond for way in travel)
         found = beyond * float(np.interp(ahead, self.ahead, self._shortest(aside, turn)))
         return min(found, _LONGEST_S)
 
@@ -195,19 +196,19 @@ class Swings:
 
 def _travel(side: int, start: Float, target: Float) -> tuple[float, float, float]:
     """Travel of a foot ahead, outward and turning outward, in the frame midway [m, m, rad]."""
-    yaw = 0.5 * (start[3] + target[3])
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    dx, dy = target[0] - start[0], target[1] - start[1]
-    outward = 1.0 if side == 0 else -1.0
-    return float(cos * dx + sin * dy), outward * float(cos * dy - sin * dx), outward * float(target[3] - start[3])
+    (from_x, from_y, _, from_yaw), (x, y, _, yaw) = start.tolist(), target.tolist()
+    midway, outward = 0.5 * (from_yaw + yaw), 1.0 if side == 0 else -1.0
+    c, s, dx, dy = cos(midway), sin(midway), x - from_x, y - from_y
+    return c * dx + s * dy, outward * (c * dy - s * dx), outward * (yaw - from_yaw)
 
 
 def _between(nodes: Float, value: float, table: Float) -> Float:
     """Linear interpolation in the first axis of a table; infinite beyond its ends."""
     if not nodes[0] <= value <= nodes[-1]:
         return np.full(table.shape[1:], np.inf)
-    above = int(np.clip(np.searchsorted(nodes, value), 1, len(nodes) - 1))
-    share = (value - nodes[above - 1]) / (nodes[above] - nodes[above - 1])
+    above = min(max(int(nodes.searchsorted(value)), 1), len(nodes) - 1)
+    low, high = float(nodes[above - 1]), float(nodes[above])
+    share = (value - low) / (high - low)
     if share == 0.0 or share == 1.0:
         return table[above - 1 if share == 0.0 else above]
     mixed: Float = (1.0 - share) * table[above - 1] + share * table[above]

@@ -18,7 +18,6 @@ from flexmotion.retarget.state import RetargetState
 from flexmotion.retarget.steps import Step, settled_from
 from flexmotion.retarget.swing import Swings
 from flexmotion.retarget.swing_effort import SwingEffort
-from flexmotion.retarget.whole_body import WholeBody
 
 Float = NDArray[np.float64]
 
@@ -41,12 +40,15 @@ class Sway:
     Attributes:
         ticks: loop tick of each row, (T,).
         schedule: of the feet.
-        com: centre of mass, (T, 2) [m].
+        com: centre of mass, (T, 2) [m]; com_velocity: (T, 2) [m/s].
+        reach: greatest height of the hips at which both legs reach their feet, (T,) [m].
     """
 
     ticks: Float
     schedule: Schedule
     com: Float
+    com_velocity: Float
+    reach: Float
 
 
 class SwingCheck:
@@ -55,7 +57,6 @@ class SwingCheck:
     Args:
         swings: paths of its feet.
         effort: what swings ask of its servos.
-        body: how far its hips are from its feet.
         omega: natural frequency of the filter of its hips' height [1/s].
         pause: ticks from a touch-down to the lift of the other foot, at least.
         rate_hz: loop ticks a second.
@@ -66,13 +67,12 @@ class SwingCheck:
         self,
         swings: Swings,
         effort: SwingEffort,
-        body: WholeBody,
         omega: float,
         pause: int,
         rate_hz: float,
         replan_s: float,
     ) -> None:
-        self.swings, self.effort, self.body = swings, effort, body
+        self.swings, self.effort = swings, effort
         self.omega, self.pause, self.rate = omega, pause, rate_hz
         self._next_plan = _NEXT_PLAN * replan_s * rate_hz
 
@@ -138,14 +138,13 @@ class SwingCheck:
             torso[..., axis] = np.interp(at, ticks, sway.com[:, axis]) - state.com_offset[axis]
         torso[..., 2] = self._height(at - ticks[0], float(state.position[0]), float(state.velocity[0]))
         torso[..., 3] = np.interp(at, ticks, sway.schedule.feet[:, :, 3].mean(axis=1))
-        reach = self.body.reachable_height(sway.schedule.feet, sway.com, state.com_offset)
         for row, step in enumerate(steps):
             over = (ticks >= step.lift) & (ticks < step.land)
-            torso[row, :, 2] = np.minimum(torso[row, :, 2], reach[over].min(initial=np.inf))
+            torso[row, :, 2] = np.minimum(torso[row, :, 2], sway.reach[over].min(initial=np.inf))
         right = np.array([step.side == 1 for step in steps])
         asked = self.effort.asked_over(right, soles, torso, (land - lift) / self.rate)
-        most: Float = np.abs(np.nan_to_num(asked, nan=np.inf)).reshape(len(steps), -1).max(axis=1)
-        return most
+        most: Float = np.abs(asked).reshape(len(steps), -1).max(axis=1)
+        return np.where(np.isnan(most), np.inf, most)
 
     def _height(self, rows: Float, height: float, rate: float) -> Float:
         """Height of the hips over the ankles after some rows, while they lower to that of a walk [m].

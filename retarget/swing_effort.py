@@ -93,6 +93,10 @@ class LegChain:
                 self.mass[link] += model.body_mass[body]
                 self.centre[link] += model.body_mass[body] * (to_torso @ (data.xipos[body] - data.xpos[torso]))
         self.centre = self.centre / np.maximum(self.mass, 1e-9)[:, None] - anchors
+        self._above = np.stack([self.anchors, self.axes], axis=-1)
+        self._cross = np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2)
+        """Matrices K with K v = axis x v, (6, 3, 3)."""
+        self._cross_squared = self._cross @ self._cross
 
     def place(self, q: Float, torso: Float, rotation: Float) -> tuple[Float, Float, Float]:
         """Anchors and axes of the joints and centres of the links in the world, (R, 6, 3) each.
@@ -101,11 +105,15 @@ class LegChain:
             q: joint angles, (R, 6) [rad]; torso: (R, 3) [m]; rotation: of the torso, (R, 3, 3).
         """
         anchors, axes, centres = (np.empty((len(q), len(self.mass), 3)) for _ in range(3))
+        # Rotations about the joints' axes, (R, 6, 3, 3) (Rodrigues).
+        sin, versine = np.sin(q)[..., None, None], (1.0 - np.cos(q))[..., None, None]
+        turns = np.eye(3) + sin * self._cross + versine * self._cross_squared
         point, turn = torso, rotation
-        for k, axis in enumerate(self.axes):
-            point = point + turn @ self.anchors[k]
-            anchors[:, k], axes[:, k] = point, turn @ axis
-            turn = turn @ _about(axis, q[:, k])
+        for k in range(len(self.mass)):
+            # The joint's anchor from the one above and its axis at once, then what it turns.
+            anchor, axes[:, k] = (turn @ self._above[k]).transpose(2, 0, 1)
+            anchors[:, k] = point = point + anchor
+            turn = turn @ turns[:, k]
             centres[:, k] = point + turn @ self.centre[k]
         return anchors, axes, centres
 
@@ -222,11 +230,3 @@ class SwingEffort:
         q[missing > 1e-6] = np.nan
         shape = yaw.shape
         return q.reshape(*shape, 6), position, rotation.reshape(*shape, 3, 3)
-
-
-def _about(axis: Float, angle: Float) -> Float:
-    """Rotations about a unit axis, (R,) [rad] -> (R, 3, 3) (Rodrigues)."""
-    x, y, z = axis
-    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sin, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sin * turn + versine * (turn @ turn)

@@ -18,6 +18,7 @@ from flexmotion.retarget.state import RetargetState
 from flexmotion.retarget.steps import Step
 from flexmotion.retarget.swing_check import Sway, SwingCheck
 from flexmotion.retarget.view import HumanView
+from flexmotion.retarget.whole_body import WholeBody
 
 Float = NDArray[np.float64]
 
@@ -50,6 +51,7 @@ class Walk:
         ticks: loop tick of each row of the plan, (T,).
         schedule: feet, contacts and load over the rows.
         balance: zero-moment point and divergent component over the rows.
+        sway: what follows from these for the torso.
         withheld: steps of the human that are not made because a foot is to stay where it is.
     """
 
@@ -57,6 +59,7 @@ class Walk:
     ticks: Float
     schedule: Schedule
     balance: Absorbed
+    sway: Sway
     withheld: int = 0
 
 
@@ -67,6 +70,7 @@ class WalkPlanner:
         footsteps: chooses the steps.
         absorber: lets the divergent component start where the last plan left it.
         check: gives swings the time that they need.
+        body: says how far its legs reach.
         sole_half_length: from a sole's centre to its toe edge [m].
         lead_in_s: time from the first plan for a human to source time 0 [s].
         rate_hz: loop ticks a second.
@@ -77,11 +81,13 @@ class WalkPlanner:
         footsteps: FootstepPlanner,
         absorber: JoinAbsorber,
         check: SwingCheck,
+        body: WholeBody,
         sole_half_length: float,
         lead_in_s: float,
         rate_hz: float,
     ) -> None:
-        self.footsteps, self.absorber, self.check, self.rate = footsteps, absorber, check, rate_hz
+        self.footsteps, self.absorber, self.check, self.body = footsteps, absorber, check, body
+        self.rate = rate_hz
         self._lead_in_s = lead_in_s
         self._most_roll = _MOST_ROLL * sole_half_length
         self._put_off = [int(round(seconds * rate_hz)) for seconds in _PUT_OFF_S]
@@ -110,9 +116,7 @@ class WalkPlanner:
         longer: dict[int, int] = {}
         for _ in range(_TRIES):
             walk = make(longer)
-            com, _ = balance.centre_of_mass(walk.balance.dcm, state.com, self.absorber.omega, self.absorber.dt)
-            sway = Sway(walk.ticks, walk.schedule, com)
-            if not self.check.lengthen(longer, walk.steps, settled, state, sway, last=last):
+            if not self.check.lengthen(longer, walk.steps, settled, state, walk.sway, last=last):
                 return walk
         return make(longer)
 
@@ -203,7 +207,10 @@ class WalkPlanner:
         # Hips that are low for a step stay low to the end: a plan ends at rest, not while the hips rise.
         tail = schedule.walking[follow:]
         np.logical_or.accumulate(tail, out=tail)
-        return Walk(steps, ticks, schedule, self._balance(state, schedule))
+        balanced = self._balance(state, schedule)
+        com, velocity = balance.centre_of_mass(balanced.dcm, state.com, self.absorber.omega, self.absorber.dt)
+        reach = self.body.reachable_height(schedule.feet, com, state.com_offset)
+        return Walk(steps, ticks, schedule, balanced, Sway(ticks, schedule, com, velocity, reach))
 
     def _balance(self, state: RetargetState, schedule: Schedule) -> Absorbed:
         share = schedule.share[:, None]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
-from flexmotion.retarget.legs import Leg
+from flexmotion.retarget.legs import Leg, Legs
+from flexmotion.retarget.splines import Spline
 from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
@@ -35,6 +35,7 @@ class WholeBody:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.legs = (Leg.of(robot, "left"), Leg.of(robot, "right"))
+        self._both_legs = Legs(self.legs)
         self.upper = UpperBody(robot)
         self.dynamics = RobotDynamics(robot, self.legs)
         left, right = self.legs
@@ -45,6 +46,10 @@ class WholeBody:
         """Poses of the soles under straight legs, facing +x, with their middle at the origin, (2, 4) [m, m, m, rad]."""
         self.home_feet[:, :2] = (np.stack([left.hip + left.sole, right.hip + right.sole]))[:, :2]
         self.home_feet[:, :2] -= self.home_feet[:, :2].mean(axis=0)
+        self._hips, self._soles = (
+            np.array([[getattr(leg, name)[axis]] for axis in (0, 1) for leg in self.legs]).reshape(2, 2, 1)
+            for name in ("hip", "sole")
+        )
         self._slope = 0.0
         self._slope = self._shift_slope()
 
@@ -67,14 +72,17 @@ class WholeBody:
 
         Arguments as in `solve`; the torso is assumed upright, at the mean yaw of the feet.
         """
-        yaw = yaw_matrices(feet[:, :, 3].mean(axis=1))
-        height = np.full(len(feet), np.inf)
-        for side, leg in enumerate(self.legs):
-            hips = (com - offset) + (yaw @ leg.hip)[:, :2]
-            ankle = feet[:, side, :2] - (yaw_matrices(feet[:, side, 3]) @ leg.sole)[:, :2]
-            away = np.sum((hips - ankle) ** 2, axis=1)
-            reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
-            height = np.minimum(height, reach + feet[:, side, 2])
+        x, y, up, yaw = feet.transpose(2, 1, 0)
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        middle = 0.5 * (yaw[0] + yaw[1])
+        cos_middle, sin_middle = np.cos(middle), np.sin(middle)
+        # Of both legs, (2, T): horizontal ways from ankle to hip.
+        (hip_x, hip_y), (sole_x, sole_y) = self._hips, self._soles
+        ahead = (com - offset)[:, 0] + cos_middle * hip_x - sin_middle * hip_y - (x - cos * sole_x + sin * sole_y)
+        aside = (com - offset)[:, 1] + sin_middle * hip_x + cos_middle * hip_y - (y - sin * sole_x - cos * sole_y)
+        away = ahead * ahead + aside * aside
+        reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
+        height: Float = (reach + up).min(axis=0)
         return height
 
     def solve(
@@ -105,16 +113,17 @@ class WholeBody:
         torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
         soles = yaw_matrices(feet[:, :, 3].ravel()).reshape(-1, 2, 3, 3)
         base = np.column_stack([torso, quaternion])
-        rows = np.unique(np.append(np.arange(0, len(feet), _STRIDE if smooth else 1), len(feet) - 1))
+        rows = np.arange(0, len(feet), _STRIDE if smooth else 1)
+        rows = rows if rows[-1] == len(feet) - 1 else np.append(rows, len(feet) - 1)
         offset = np.broadcast_to(offset, (len(feet), 2))[rows]
-        some_base, some_q, some = base[rows], q[rows], (rotation[rows], feet[rows], soles[rows], com[rows])
+        some_base, some_q = base.take(rows, axis=0), q.take(rows, axis=0)
+        some = rotation.take(rows, axis=0), feet.take(rows, axis=0), soles.take(rows, axis=0), com.take(rows, axis=0)
         for _ in range(passes):
             self._place(some_base, some_q, *some, offset)
             found = self.dynamics.centre_of_mass(some_base, some_q)[:, :2] - some_base[:, :2]
             offset = offset + (found - offset) / (1.0 - self._slope)
-        every = np.arange(len(feet))
-        if len(rows) < len(every):
-            offset = make_interp_spline(rows, offset, k=3)(every)
+        if len(rows) < len(feet):
+            offset = Spline(rows.astype(float), offset, natural=False).at(np.arange(float(len(feet)))).value
         return base, q, offset, self._place(base, q, rotation, feet, soles, com, offset)
 
     def _place(
@@ -130,9 +139,9 @@ class WholeBody:
             Missing length of the legs, (T,) [m].
         """
         base[:, :2] = com - offset
-        short = np.zeros(len(base))
-        for side, leg in enumerate(self.legs):
-            found, missing = leg.solve(base[:, :3], rotation, feet[:, side, :3], soles[:, side])
-            q[:, leg.indices] = found
-            short = np.maximum(short, missing)
+        angles, missing = self._both_legs.solve(
+            base[:, :3], rotation, feet[:, :, :3].swapaxes(0, 1), soles.swapaxes(0, 1)
+        )
+        q[:, self._both_legs.indices] = angles.swapaxes(0, 1)
+        short: Float = missing.max(axis=0)
         return short

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,13 +12,15 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
-from flexmotion.human.kinematics import frame_arrays
+from flexmotion.human.kinematics import named_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 
 
+AT_REST = ("xpos", "xipos", "xmat", "xanchor", "xaxis")
+"""Arrays of MuJoCo's state that `segments_at_rest` is made of."""
 _POSES = ("position", "rotation", "com", "anchor", "axis")
 """Fields of `SegmentMotion` that a pose has without its motion."""
 
@@ -67,9 +70,14 @@ def segment_motion(motion: Motion) -> SegmentMotion:
     )
 
 
-def segments_at_rest(motion: Motion) -> SegmentMotion:
-    """The poses of a motion, each as if it were held: kinematics by MuJoCo, no acceleration."""
-    position, com, rotation, anchor, axis = frame_arrays(motion, "xpos", "xipos", "xmat", "xanchor", "xaxis")
+def segments_at_rest(motion: Motion, known: Mapping[str, Float] | None = None) -> SegmentMotion:
+    """The poses of a motion, each as if it were held: kinematics by MuJoCo, no acceleration.
+
+    Args:
+        known: `named_arrays` of `AT_REST` of these frames, where they are known.
+    """
+    arrays = named_arrays(motion, AT_REST) if known is None else known
+    position, com, rotation, anchor, axis = (arrays[name] for name in AT_REST)
     hinges = hinge_index(motion.body)
     return SegmentMotion(
         mass=human_model(motion.body).model.body_mass.copy(),

@@ -11,6 +11,8 @@ any stiffness. A limb in fast motion is counted as tense too: it is about to be 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,14 +46,17 @@ _COLUMNS = tuple(
 """Columns of `skeleton.JOINTS` of each limb."""
 
 
-def limb_tension(motion: Motion) -> Float | None:
+def limb_tension(motion: Motion, known: Mapping[str, Float] | None = None) -> Float | None:
     """Tension of each of `LIMBS` in every frame, (T, 3) in [0, 1]; None for a motion without torques.
 
     Of arms and neck the torques do not depend on the ground's forces.
+
+    Args:
+        known: as of `segments_at_rest`.
     """
     if motion.torques is None:
         return None
-    segments = segments_at_rest(motion)
+    segments = segments_at_rest(motion, known)
     nothing = np.zeros((len(motion), len(SIDES), 6))
     held = joint_torques(motion.body, segments, nothing, nothing[..., :3])
     root = len(ROOT_DOFS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import mujoco
@@ -25,6 +26,9 @@ SIDED_BODIES = {
 """Joint centre -> body of the model whose origin it is."""
 
 SIDED_SITES = ("heel", "toe", "hand")
+
+FORWARD = ("xpos", "xipos", "xmat", "site_xpos")
+"""Arrays of MuJoCo's state that `forward` is made of."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +85,15 @@ class HumanKinematics:
         )
 
 
-def forward(motion: Motion) -> HumanKinematics:
-    """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body."""
+def forward(motion: Motion, known: Mapping[str, Float] | None = None) -> HumanKinematics:
+    """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body.
+
+    Args:
+        known: `named_arrays` of `FORWARD` of these frames, where they are known.
+    """
     human = human_model(motion.body)
-    bodies, centres, matrices, sites = frame_arrays(motion, "xpos", "xipos", "xmat", "site_xpos")
+    arrays = named_arrays(motion, FORWARD) if known is None else known
+    bodies, centres, matrices, sites = (arrays[name] for name in FORWARD)
     return _collect(human, bodies, centres, matrices.reshape(*bodies.shape, 3), sites)
 
 
@@ -113,6 +122,11 @@ def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
         for array, view in zip(found, views, strict=True):
             array[frame] = view
     return found
+
+
+def named_arrays(motion: Motion, names: Sequence[str]) -> dict[str, Float]:
+    """`frame_arrays` by name."""
+    return dict(zip(names, frame_arrays(motion, *names), strict=True))
 
 
 def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float, sites: Float) -> HumanKinematics:

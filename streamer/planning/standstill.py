@@ -32,7 +32,8 @@ def stopping_place(row: TickRow, stands_at: Callable[[], Float] | None) -> Float
         row: newest one of the loop.
         stands_at: gives where a stop ends in the plan's world (`Retargeter.stands_at`); None: where the robot is now.
     """
-    place = np.nan_to_num(np.array(row.odometry, float))
+    place = np.array(row.odometry, float)
+    place[np.isnan(place)] = 0.0
     torso = yaw_of(row.base_ref[3:])
     if stands_at is None or not math.isfinite(torso) or not np.isfinite(row.com_ref).all():
         return place

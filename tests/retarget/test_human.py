@@ -38,6 +38,23 @@ def test_windows_in_sequence_equal_one_window(window: Callable[[Motion], HumanWi
     np.testing.assert_allclose(tail.times, whole.times[cut:])
 
 
+@pytest.mark.parametrize("frames", [1, 2, 40])
+def test_one_time_is_read_like_many(window: Callable[[Motion], HumanWindow], walk: Motion, frames: int) -> None:
+    seen = window(walk[:frames])
+    times = np.linspace(-0.2, seen.end_s + 0.2, 57)
+    many = seen.at(seen.feet, times)
+    one = np.array([seen.at_one(seen.feet, float(second)) for second in times])
+    np.testing.assert_allclose(one, many, atol=1e-12)
+
+
+def test_frames_between_two_times_hold_those_at_them(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    seen = window(walk[:40])
+    start, end = seen.times[3], seen.times[7]
+    assert seen.frames_between(start, end) == slice(3, 8)
+    assert seen.frames_between(start + 0.01, end - 0.01) == slice(4, 7)
+    assert len(seen.times[seen.frames_between(50.0, 51.0)]) == 0
+
+
 def test_yaw_is_continuous_over_windows(stand: Callable[..., Motion]) -> None:
     """Three turns on the spot in ten windows: the yaw increases beyond pi."""
     still = stand(300)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.retarget.leg_check import check_poses
-from flexmotion.retarget.legs import CHAIN, SIDE_NAMES, Leg
+from flexmotion.retarget.legs import CHAIN, SIDE_NAMES, Leg, Legs
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 LEGS = [Leg.of(ROBOT, side) for side in SIDE_NAMES]
@@ -78,6 +78,23 @@ def test_rows_are_solved_independently() -> None:
     for k in range(2):
         alone, _ = LEGS[0].solve(rows[k : k + 1], upright[:1], soles[k : k + 1], upright[:1])
         np.testing.assert_array_equal(alone[0], both[k])
+
+
+@given(spread=st.tuples(shares, shares), tilt=tilts)
+def test_both_legs_at_once_are_each_by_itself(
+    spread: tuple[list[float], list[float]], tilt: tuple[float, float, float]
+) -> None:
+    """One torso, a sole each: no leg takes the other's geometry, signs or columns."""
+    torso, rotation = np.array([0.3, -0.2, 0.25]), Rotation.from_euler("xyz", tilt).as_matrix()
+    poses = [sole_pose(side, torso, rotation, bent(side, spread[side])) for side in (0, 1)]
+    positions, feet = (np.stack(part)[:, None] for part in zip(*poses, strict=True))
+    both = Legs(LEGS)
+    angles, short = both.solve(torso[None], rotation[None], positions, feet)
+    for side, leg in enumerate(LEGS):
+        alone, missing = leg.solve(torso[None], rotation[None], positions[side], feet[side])
+        np.testing.assert_allclose(angles[side], alone, atol=1e-12)
+        np.testing.assert_allclose(short[side], missing, atol=1e-12)
+        np.testing.assert_array_equal(both.indices[side], leg.indices)
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -35,7 +35,9 @@ def settled(state: RetargetState, *steps: tuple[int, int, float]) -> None:
 
 
 def asked(retargeter: Retargeter, state: RetargetState, walk: Walk, com: np.ndarray) -> np.ndarray:
-    return retargeter.walks.check.asked(walk.steps[:1], state, Sway(walk.ticks, walk.schedule, com))
+    reach = retargeter.body.reachable_height(walk.schedule.feet, com, state.com_offset)
+    sway = Sway(walk.ticks, walk.schedule, com, np.zeros(com.shape), reach)
+    return retargeter.walks.check.asked(walk.steps[:1], state, sway)
 
 
 def test_a_foot_that_swings_far_from_the_hips_asks_for_more(retargeter: Retargeter, state: RetargetState) -> None:

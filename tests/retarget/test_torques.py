@@ -32,7 +32,7 @@ def test_at_rest_torques_are_those_of_a_single_pose(
     retargeter: Retargeter, state: RetargetState, schedule: Schedule
 ) -> None:
     base, q = repeated(state.base[0]), repeated(state.q[0])
-    qd, qdd, torque = retargeter.torques.of(state, schedule, base, q)
+    qd, qdd, torque = retargeter.torques.of(state, schedule, base, q, ROWS)
     assert (qd == 0.0).all() and (qdd == 0.0).all()
     still = np.zeros((1, 6))
     rest = np.zeros((1, retargeter.robot.n))
@@ -49,7 +49,7 @@ def test_speed_and_acceleration_are_those_of_the_joints(
     t = np.arange(-2, ROWS) / RATE
     line = state.q[0] + 0.5 * t[:, None] ** 2
     state.q = line[1::-1]
-    qd, qdd, _ = retargeter.torques.of(state, schedule, repeated(state.base[0]), line[2:])
+    qd, qdd, _ = retargeter.torques.of(state, schedule, repeated(state.base[0]), line[2:], ROWS)
     inner = slice(None, -1)
     np.testing.assert_allclose(qd[inner], repeated(np.ones(retargeter.robot.n))[inner] * t[2:-1, None], atol=1e-9)
     np.testing.assert_allclose(qdd[inner], 1.0, atol=1e-6)
@@ -70,6 +70,25 @@ def test_a_turning_torso_loads_the_legs_as_it_would_turned_elsewhere(
     torques = []
     for base in (line, flipped):
         state.base = base[1::-1]
-        torques.append(retargeter.torques.of(state, schedule, base[2:], q)[2])
+        torques.append(retargeter.torques.of(state, schedule, base[2:], q, ROWS)[2])
     np.testing.assert_allclose(torques[0], torques[1], atol=1e-9)
     assert np.ptp(torques[0], axis=0).max() > 0.01
+
+
+@pytest.mark.parametrize("rows", [ROWS - 1, ROWS])
+def test_a_robot_that_comes_to_rest_needs_fewer_rows(
+    retargeter: Retargeter, state: RetargetState, schedule: Schedule, rows: int
+) -> None:
+    """Its torques are the same as from every second row, whatever the last row is."""
+    knees = [leg.indices[3] for leg in retargeter.body.legs]
+    t = np.arange(-2, rows)[:, None] / RATE
+    q = np.tile(state.q[0], (rows + 2, 1))
+    q[:, knees] += 0.1 * np.exp(-8.0 * t)
+    state.q = q[1::-1]
+    part = Schedule(schedule.feet[:rows], schedule.contacts[:rows], schedule.share[:rows], schedule.walking[:rows])
+    base = repeated(state.base[0])[:rows]
+    fine, coarse = (retargeter.torques.of(state, part, base, q[2:], quiet)[2] for quiet in (rows, 12))
+    np.testing.assert_array_equal(coarse[:12], fine[:12])
+    assert np.abs(fine - fine[-1]).max() > 0.1
+    np.testing.assert_allclose(coarse, fine, atol=0.005)
+    np.testing.assert_array_equal(coarse[-1], fine[-1])

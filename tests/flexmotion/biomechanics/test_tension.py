@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
-from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.biomechanics.segment_motion import AT_REST, segment_motion
 from flexmotion.biomechanics.strength import STRENGTH
 from flexmotion.biomechanics.tension import FULL_EFFORT, LIMBS, limb_tension
 from flexmotion.human.body import Body
+from flexmotion.human.kinematics import named_arrays
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
@@ -65,6 +66,15 @@ def test_torque_beyond_gravity_is_tension_of_its_own_limb() -> None:
 @pytest.mark.parametrize("joint", ["hip_flexion_l", "lumbar_extension"])
 def test_legs_and_trunk_are_no_limb_of_it(joint: str) -> None:
     np.testing.assert_allclose(tension(pulled(moved(), joint, 0.5)), 0.0, atol=1e-9)
+
+
+def test_poses_that_are_known_are_not_laid_out_again() -> None:
+    """A plan's window knows them already."""
+    motion = pulled(moved(shoulder_flexion_r=np.linspace(0.0, 1.0, FRAMES)), "elbow_flexion_l", 0.2 * FULL_EFFORT)
+    known = named_arrays(motion, AT_REST)
+    np.testing.assert_array_equal(limb_tension(motion, known), tension(motion))
+    hanging = named_arrays(moved(), AT_REST)
+    assert np.abs(limb_tension(motion, hanging) - tension(motion)).max() > 0.1
 
 
 def test_the_faster_an_arm_swings_the_tenser_it_is() -> None:
