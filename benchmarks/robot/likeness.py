@@ -83,7 +83,7 @@ def follow(numbered: tuple[int, ListedClip], folder: Path) -> LikenessRun:
     figures = likeness_figures(record, chain, motion, pitch_bounds)
     if figures is None:
         raise RuntimeError(f"{clip.name}: no true motion in the record")
-    report = report_of(session, record, motion, seed)
+    report = report_of(session, record, motion, seed, motion.body)
     return LikenessRun(
         clip,
         figures,

@@ -27,10 +27,13 @@ PREDICTED, ZERO, NONE = "predicted", "zero", "none"
 
 @dataclass(frozen=True)
 class ModelRun:
-    """One run: what was recorded, the human motion as it was played, and the report."""
+    """One run: what was recorded, the human motion as it was played, and the report.
+
+    `human` is None of a request with an amount ("a few steps"): the robot's progress ended it.
+    """
 
     record: RunTrace
-    human: Motion
+    human: Motion | None
     report: Report
 
 
@@ -75,6 +78,4 @@ def follow(
     session = Session(robot, driver, followed, load_stream(), source.seconds)
     record = session.run()
     human = human_motion(source, record)
-    if human is None:
-        raise RuntimeError(f"{source.name}: the run played no motion")
-    return ModelRun(record, human, report_of(session, record, human, seed))
+    return ModelRun(record, human, report_of(session, record, human, seed, source.body))

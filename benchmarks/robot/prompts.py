@@ -3,8 +3,9 @@
 Every prompt of `prompts.yaml` runs once a seed, its wordings in turn, nominal and perturbed (torso mass, gains,
 latency, friction, slope, pushes, 3.5 kg), in lockstep; so does the default script. "did" is judged at the robot: a wave
 is measured at its hand, walking moves it by at least .4 of the human's scaled path in the right direction, a turn turns
-it by half of what the human turned. Results go to --out, one line of JSON each; runs whose results are there are not
-made again, so a changed program needs another file. --zero-forces sets the predicted ground forces to 0, which the
+it by half of what the human turned; a request with an amount ("a few paces") ends as done, by the robot's progress.
+Results go to --out, one line of JSON each; runs whose results are there are not made again, so a changed program needs
+another file. --zero-forces sets the predicted ground forces to 0, which the
 retargeter rejects: the results must be those of --no-forces, which takes the forces away and leaves contacts to heights
 and speeds of the feet.
 """
@@ -94,7 +95,8 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
     robot = load_robot("op3")
     found = follow(robot, task.source(folder), task.perturbed, task.seed, HEAVY_KG, task.forces)
     motion = found.report.motion
-    turned = float(np.degrees(np.ptp(continuous_heading(found.human.root_quaternion)[[0, -1]])))
+    yaw = None if found.human is None else continuous_heading(found.human.root_quaternion)
+    turned = 0.0 if yaw is None else float(np.degrees(np.ptp(yaw[[0, -1]])))
     return {
         **asdict(task),
         "ok": found.report.ok,
@@ -107,6 +109,7 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
         "violations": found.report.limits.violations_sent,
         "faults": found.report.safety.faults,
         "human_turned": turned,
+        "measured": found.human is None and any(": done, " in event.message for event in found.record.events),
         **asdict(achieved(robot, found.record)),
     }
 
@@ -118,11 +121,16 @@ def did(check: dict[str, Any], result: dict[str, Any]) -> bool:
 
 
 def _walks(wanted: float, done: Achieved, result: dict[str, Any]) -> bool:
-    return (result["net_path"] or 0.0) >= NET_PATH and done.forward * wanted > 0
+    return _went(result) and done.forward * wanted > 0
 
 
 def _sideways(wanted: float, done: Achieved, result: dict[str, Any]) -> bool:
-    return (result["net_path"] or 0.0) >= NET_PATH and done.left * wanted > 0
+    return _went(result) and done.left * wanted > 0
+
+
+def _went(result: dict[str, Any]) -> bool:
+    """As far as the human, or the amount that was asked for."""
+    return result["measured"] or (result["net_path"] or 0.0) >= NET_PATH
 
 
 def _turns(wanted: float, done: Achieved, result: dict[str, Any]) -> bool:

@@ -106,7 +106,7 @@ def trial(clip: ListedClip, seed: int, motion: Motion, noise_m: float, feedback:
     session = Session(robot, driver, noisy, load_stream(), source.seconds, feedback=feedback)
     meter = session.planner = JoinMeter.of(session.planner)
     record = session.run()
-    report = json.loads(report_of(session, record, motion, seed).json_text())
+    report = json.loads(report_of(session, record, motion, seed, motion.body).json_text())
     return Trial(ClipRun(clip.kind, clip.name, clip.perturbed, report), noise_m, feedback, np.concatenate(meter.moves))
 
 

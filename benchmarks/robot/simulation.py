@@ -5,6 +5,7 @@ from __future__ import annotations
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
+from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.streamer.commands.driver_options import simulation_options
@@ -30,10 +31,12 @@ def simulator(robot: Robot, perturbed: bool, seed: int, mass_kg: float = HEAVY_K
     return create("sim", robot, **options, seed=seed)
 
 
-def report_of(session: Session, record: RunTrace, human: Motion, seed: int) -> Report:
-    """The report of a run that followed a human motion."""
+def report_of(session: Session, record: RunTrace, human: Motion | None, seed: int, body: Body) -> Report:
+    """The report of a run; `human`: motion that was followed, None where it is not known. `body`: of the human."""
     robot = session.robot
-    record.human_steps = count_steps(human)
-    figures = RobotFigures.of(robot, human.body.leg)
+    figures = RobotFigures.of(robot, body.leg)
     info = RunInfo(robot.name, "sim", session.source.name, seed, "lockstep")
+    if human is None:
+        return build_report(record, info, figures)
+    record.human_steps = count_steps(human)
     return build_report(record, info, figures, human=HumanTrack.of(human))
