@@ -75,7 +75,7 @@ def _write_two_rows_before(out: Float, first: Float, values: Float) -> None:
     Args:
         first: those before the first row, (2, n).
     """
-    out[0], out[1, 1] = first, first[0]
+    out[0], out[1:2, 1] = first, first[0]
     out[1:, 0], out[2:, 1] = values[:-1], values[:-2]
 
 

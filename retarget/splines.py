@@ -27,13 +27,18 @@ class Spline:
     """The twice differentiable path of cubics through values.
 
     Args:
-        places: ascending, (N,); four at least where the ends are not natural.
+        places: ascending, (N,); two at least, four where the ends are not natural.
         values: (N, C).
         natural: the second derivative is 0 at both ends; else the third is continuous at the second place from either
             end ("not a knot"), which follows a smooth path more closely.
+
+    Raises:
+        ValueError: fewer than two places, or four where the ends are not natural.
     """
 
     def __init__(self, places: Float, values: Float, *, natural: bool) -> None:
+        if len(places) < (2 if natural else 4):
+            raise ValueError(f"a spline through {len(places)} places, expected {2 if natural else 4} at least")
         width = places[1:] - places[:-1]
         across = width[:, None]
         slope = (values[1:] - values[:-1]) / across

@@ -30,6 +30,7 @@ from benchmarks.model.real_clips import kind_of, real_clips
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.poses import Mask
 from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.bundles.repertoire import offered_kinds
@@ -51,8 +52,8 @@ LIMIT = 1.3
 """Greatest distance of samples from recorded clips, over that of recorded clips from each other."""
 FEWEST, MOST = 8, 12
 """Clips of a kind without which there are no halves to compare; most clips of a half."""
-LONGEST_S = 8.0
-"""Of a clip, the first part of this length is compared [s]."""
+SHORTEST_S, LONGEST_S = 0.5, 8.0
+"""Shortest clip; of a longer one, the first part of this length is compared [s]."""
 REACHED_S = 1.5
 """Time in which a sample reaches the pose that is asked for [s]."""
 EVENTS = 12
@@ -93,7 +94,8 @@ def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
             kind, own = kind_of(clip), on_body(motion, sampler.body)[:most]
             if sides(kind) == {"left"}:
                 kind, own = mirrored(kind), mirror(own)
-            clips[kind].append(own)
+            if len(own) >= sampler.remembers + SHORTEST_S * sampler.fps:
+                clips[kind].append(own)
     return clips
 
 
@@ -102,13 +104,22 @@ def checks(kind: str) -> Mapping[str, Any]:
     return next((entry.check for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of == kind), {})
 
 
-def held(motion: Motion, check: Mapping[str, Any]) -> Motion:
+@dataclass(frozen=True)
+class Held:
+    """The part of a motion that is compared, and its frames in the pose that is asked for, (T,); None without one."""
+
+    motion: Motion
+    pose: Mask | None
+
+
+def held(motion: Motion, check: Mapping[str, Any]) -> Held:
     """A motion from the first to the last frame in the pose that is asked for; all of one that never is in it."""
     pose = in_pose(motion, check)
     if pose is None or not pose.any():
-        return motion
+        return Held(motion, pose)
     frames = np.flatnonzero(pose)
-    return motion[int(frames[0]) : int(frames[-1]) + 1]
+    part = slice(int(frames[0]), int(frames[-1]) + 1)
+    return Held(motion[part], pose[part])
 
 
 def streamed(sampler: Sampler, kind: str, begin: Motion, frames: int, seed: int) -> Motion:
@@ -120,34 +131,38 @@ def streamed(sampler: Sampler, kind: str, begin: Motion, frames: int, seed: int)
     return made
 
 
-def sampled(sampler: Sampler, kind: str, clip: Motion, seed: int) -> Motion:
-    """What the model does in place of a clip, from its first frames on: as long as the clip, or as it is held."""
-    begin, check = clip[: sampler.remembers], checks(kind)
-    if in_pose(clip, check) is None:
-        return streamed(sampler, kind, begin, len(clip) - len(begin), seed)
-    frames = len(held(clip, check))
+def sampled(sampler: Sampler, kind: str, begin: Motion, recorded: Held, seed: int) -> Held:
+    """What the model does in place of a clip: after its first frames, for as long as it is compared."""
+    frames = len(recorded.motion)
+    if recorded.pose is None:
+        return Held(streamed(sampler, kind, begin, frames, seed), None)
     made = streamed(sampler, kind, begin, frames + round(REACHED_S * sampler.fps), seed)
-    reached = in_pose(made, check)
-    first = len(made) - frames if reached is None or not reached.any() else int(np.argmax(reached))
-    return made[min(first, len(made) - frames) :][:frames]
+    reached = in_pose(made, checks(kind))
+    assert reached is not None
+    first = min(int(np.argmax(reached)) if reached.any() else len(made), len(made) - frames)
+    return Held(made[first : first + frames], reached[first : first + frames])
 
 
-def together(motions: Sequence[Motion], kind: str) -> dict[str, Float]:
+def together(motions: Sequence[Held], kind: str) -> dict[str, Float]:
     """All values of every figure; of a kind without a side those of the mirror images too: nobody asked for a side."""
-    every = motions if sides(kind) else [image for motion in motions for image in (motion, mirror(motion))]
-    each = [figures(motion, checks(kind)) for motion in every]
+    each = [figures(own.motion, own.pose) for own in motions]
+    if not sides(kind):
+        each += [figures(mirror(own.motion), own.pose) for own in motions]
     return {name: np.concatenate([own[name] for own in each]) for name in FIGURES}
 
 
 def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, seed: int) -> Compared:
     """Part the clips into halves, put the model in the place of one, and measure; means over the draws."""
     half, began = min(MOST, len(clips) // 2), sampler.remembers
-    recorded = [held(clip[began:], checks(kind)) for clip in clips]
+    begins, recorded = [clip[:began] for clip in clips], [held(clip[began:], checks(kind)) for clip in clips]
     far: dict[str, list[tuple[float, float]]] = defaultdict(list)
     values: dict[str, tuple[Float, Float, Float]] = {}
     for draw in range(draws):
         order = np.random.default_rng([seed, draw]).permutation(len(clips))
-        samples = [sampled(sampler, kind, clips[at], seed + draw * MOST + own) for own, at in enumerate(order[:half])]
+        samples = [
+            sampled(sampler, kind, begins[at], recorded[at], seed + draw * MOST + own)
+            for own, at in enumerate(order[:half])
+        ]
         parts = [[recorded[at] for at in part] for part in (order[:half], order[half : 2 * half])]
         one, other, made = (together(part, kind) for part in (*parts, samples))
         values = {name: (one[name], other[name], made[name]) for name in FIGURES}
@@ -162,7 +177,7 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
         real={name: float(mean[0]) for name, mean in means.items()},
         made={name: float(mean[1]) for name, mean in means.items()},
         values={name: values[name] for name in means},
-        strips=(parts[0][0], samples[0]),
+        strips=(parts[0][0].motion, samples[0].motion),
     )
 
 
@@ -210,7 +225,8 @@ def main(
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Compare samples with recorded clips, and those with each other."""
-    sampler, clips = open_sampler(bundle, steps), normal_clips(open_set(data), open_sampler(bundle, steps))
+    sampler = open_sampler(bundle, steps)
+    clips = normal_clips(open_set(data), sampler)
     offered = [own for own in offered_kinds(sampler.bundle) if sides(own) != {"left"} and own != "stand"]
     asked = [own for own in offered if kind is None or own in kind]
     few = [own for own in asked if len(clips[own]) < FEWEST]

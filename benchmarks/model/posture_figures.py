@@ -35,7 +35,7 @@ def on_body(motion: Motion, body: Body) -> Motion:
     return replace(motion.kinematics, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
 
 
-def figures(motion: Motion, check: Mapping[str, Any]) -> dict[str, Float]:
+def figures(motion: Motion, pose: Mask | None = None) -> dict[str, Float]:
     """Values of every one of `FIGURES`, one a frame; of steps one a touch-down; of the pose one a motion.
 
     Trunk pitch is forward; a wrist's height is over the floor; an elbow's angle is its flexion; the width of a step is
@@ -43,13 +43,12 @@ def figures(motion: Motion, check: Mapping[str, Any]) -> dict[str, Float]:
 
     Args:
         motion: on the body that all are compared on.
-        check: what a prompt's judge asks for; poses among it count.
+        pose: frames in the pose that is asked for, (T,); None where none is asked for.
     """
     human = forward(motion)
     yaw = continuous_matrix_heading(human.pelvis_rotation)
     up = human.torso_rotation[:, :, 2]
     ahead = np.cos(yaw) * up[:, 0] + np.sin(yaw) * up[:, 1]
-    pose = in_pose(motion, check, human)
     return {
         "trunk pitch": np.degrees(np.arctan2(ahead, up[:, 2])),
         "left wrist": 100 * human.wrist[:, 0, 2],
@@ -61,9 +60,12 @@ def figures(motion: Motion, check: Mapping[str, Any]) -> dict[str, Float]:
     }
 
 
-def in_pose(motion: Motion, check: Mapping[str, Any], human: HumanKinematics | None = None) -> Mask | None:
-    """Frames in all poses that a check asks for, (T,); None where it asks for none."""
-    human = forward(motion) if human is None else human
+def in_pose(motion: Motion, check: Mapping[str, Any]) -> Mask | None:
+    """Frames in all poses that a check asks for, (T,); None where it asks for none.
+
+    Looks and squats count from the first frame: give whole motions, that begin before the pose.
+    """
+    human = forward(motion)
     poses = [POSES[name](motion, human, wanted) for name, wanted in check.items() if name in POSES]
     return np.logical_and.reduce(poses) if poses else None
 

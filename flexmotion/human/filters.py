@@ -41,7 +41,13 @@ def recursive(feed: Sequence[float], back: Sequence[float], signal: Float, state
 
 
 def butterworth(cutoff: float, fps: float) -> tuple[tuple[float, float, float], tuple[float, float]]:
-    """`feed` and `back` of a low-pass of second order, -3 dB at `cutoff` [Hz] (below half of `fps`); bilinear."""
+    """`feed` and `back` of a low-pass of second order, -3 dB at `cutoff` [Hz]; bilinear.
+
+    Raises:
+        ValueError: the cut-off is not between 0 and half of `fps`: the filter would not be stable.
+    """
+    if not 0.0 < cutoff < 0.5 * fps:
+        raise ValueError(f"cut-off {cutoff:g} Hz at {fps:g} values a second, expected between 0 and {0.5 * fps:g} Hz")
     warped = float(np.tan(np.pi * cutoff / fps))
     scale = 1.0 / (1.0 + np.sqrt(2.0) * warped + warped**2)
     gain = scale * warped**2

@@ -31,11 +31,14 @@ STILL_S = 0.15
 """Time for which a joint must go on standing still after its prediction has moved so far, counted while the prediction
 is at least half as far from the joint [s]: 3.3 times the time constant b / kp of OP3's servos. OP3 without a blocked
 joint, with its standard perturbations: at most a third of it, in shoulders that are set in motion. The time constant of
-a joint that follows with a share of its stiffness is longer by 1 over that share, and so is this time."""
+a joint that follows with a share of its stiffness is longer by 1 over that share, and so is this time. Where joints
+are read in turns, a turn counts on after the prediction is back: a joint that swings once between two readings, all the
+time (2.5 to 3 Hz where every twentieth tick reads it), is called blocked, and that one is stopped."""
 
 RETURNED_S = 0.5
-"""Time for which a prediction must be back at its joint, for what it was before to be forgotten [s]: half a second of
-walking, whose joints swing to and fro once in it. A joint that is held goes on being led away."""
+"""Time for which a prediction must be back at its joint, for what it was before to be forgotten [s], and a turn more
+where joints are read in turns: half a second of walking, whose joints swing to and fro once in it. A joint that is held
+goes on being led away."""
 
 
 class Stillness:

@@ -150,7 +150,7 @@ class ModelSource:
     def turn_to(self, target: Target, frame: int, played: Motion | None, yaw: float | None = None) -> str | None:
         """See `LiveSource.turn_to`; from `frame` on the script no longer applies."""
         self._require(target.intent)
-        current = self.program_at(frame)
+        current, held = self.program_at(frame), self._holds(frame)
         program = self._heard(target.intent, frame + 1, id=target.id)
         self._replace_after(frame, played, yaw)
         intent: Intent | None = program.steps[0].begins
@@ -163,7 +163,7 @@ class ModelSource:
         else:
             self._programs = [(frame + 1, program)]
         begun, first = self._begun(frame), frame + 1
-        if isinstance(intent, Text) and played is not None and begun is not None and begun[1] == intent:
+        if played is not None and begun is not None and begun[1] == intent and held:
             first = begun[0]  # words that are said again: a pose that is held is not reached anew
         self._schedule = [] if intent is None else [(first, intent)]
         if isinstance(intent, Clip):
@@ -321,9 +321,9 @@ class ModelSource:
         self._append(found.window[: change - begin])
 
     def _holds(self, frame: int) -> bool:
-        """Whether the intent at a frame has been followed for long enough, and is not one to be done and repeated."""
+        """Whether the words at a frame have been followed for long enough, and are not to be done a number of times."""
         begun, current = self._begun(frame), self.program_at(frame)
-        if begun is None or frame - begun[0] < _REACHED_S * self.fps:
+        if begun is None or not isinstance(begun[1], Text) or frame - begun[0] < _REACHED_S * self.fps:
             return False
         steps = () if current is None else current[1].steps
         amounts = [step.amount for step in steps if step.intent == begun[1]]

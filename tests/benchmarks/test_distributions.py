@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.model.distributions import LIMIT, Compared, held, together, verdicts
+from benchmarks.model.distributions import LIMIT, Compared, Held, held, together, verdicts
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.body import Body
@@ -30,7 +30,7 @@ def compared(kind: str, made: float, real: float, name: str = "trunk pitch") -> 
 
 
 def test_elbows_and_wrists_are_told_apart_by_side(circling) -> None:
-    found = figures(bent(circling(30), "elbow_flexion_r", 70.0), {})
+    found = figures(bent(circling(30), "elbow_flexion_r", 70.0))
     np.testing.assert_allclose(found["right elbow"], 70.0, atol=1.0)
     np.testing.assert_allclose(found["left elbow"], 0.0, atol=1.0)
     assert (found["right wrist"] > found["left wrist"] + 5.0).all()
@@ -40,7 +40,7 @@ def test_elbows_and_wrists_are_told_apart_by_side(circling) -> None:
 
 def test_the_mirror_image_swaps_sides_alone(circling) -> None:
     motion = bent(circling(30), "elbow_flexion_r", 70.0)
-    one, other = figures(motion, {}), figures(mirror(motion), {})
+    one, other = figures(motion), figures(mirror(motion))
     np.testing.assert_allclose(one["right elbow"], other["left elbow"], atol=1e-9)
     np.testing.assert_allclose(one["trunk pitch"], other["trunk pitch"], atol=1e-9)
 
@@ -48,14 +48,14 @@ def test_the_mirror_image_swaps_sides_alone(circling) -> None:
 def test_a_kind_without_a_side_counts_both(circling) -> None:
     """One walker's right elbow was straight: nobody had asked for that, and the mean of both was called wrong."""
     motion = bent(circling(30), "elbow_flexion_r", 70.0)
-    both = together([motion], "walk")
+    both = together([Held(motion, None)], "walk")
     np.testing.assert_allclose(np.sort(both["right elbow"]), np.sort(both["left elbow"]), atol=1e-9)
-    sided = together([motion], "walk-turn-right")
+    sided = together([Held(motion, None)], "walk-turn-right")
     assert sided["right elbow"].min() > 60.0 > sided["left elbow"].max()
 
 
 def test_a_trunk_that_bends_forward_has_a_positive_pitch(circling) -> None:
-    upright, bowed = (figures(bent(circling(10), "lumbar_extension", angle), {}) for angle in (0.0, -30.0))
+    upright, bowed = (figures(bent(circling(10), "lumbar_extension", angle)) for angle in (0.0, -30.0))
     np.testing.assert_allclose(bowed["trunk pitch"] - upright["trunk pitch"], 30.0, atol=2.0)
 
 
@@ -65,14 +65,22 @@ def test_a_pose_is_compared_while_it_is_held(circling) -> None:
     pose = in_pose(clip, HAND_UP)
     assert pose is not None and pose.sum() == 25
     part = held(clip, HAND_UP)
-    assert len(part) == 25 and figures(part, HAND_UP)["time in pose"] == pytest.approx([100.0])
-    assert len(held(circling(60), HAND_UP)) == 60  # never in it: all of it counts
-    assert len(held(clip, {})) == 60
+    assert len(part.motion) == 25 and figures(part.motion, part.pose)["time in pose"] == pytest.approx([100.0])
+    assert len(held(circling(60), HAND_UP).motion) == 60  # never in it: all of it counts
+    assert len(held(clip, {}).motion) == 60
 
 
 def test_a_pose_that_is_left_in_between_is_less_time_in_it(circling) -> None:
     clip = bent(bent(circling(60), "shoulder_flexion_r", 170.0, 20, 45), "shoulder_flexion_r", 0.0, 30, 35)
-    assert figures(held(clip, HAND_UP), HAND_UP)["time in pose"] == pytest.approx([80.0])
+    part = held(clip, HAND_UP)
+    assert figures(part.motion, part.pose)["time in pose"] == pytest.approx([80.0])
+
+
+def test_a_look_counts_from_before_it(circling) -> None:
+    """Looks are angles from the first frame, and of the held part that is one of the look: 40 % were in the pose."""
+    clip, look = bent(circling(60), "neck_extension", 30.0, 20, 50), {"looks": {"up": 15}}
+    part = held(clip, look)
+    assert len(part.motion) == 30 and figures(part.motion, part.pose)["time in pose"] == pytest.approx([100.0])
 
 
 def test_another_body_goes_as_many_legs(circling) -> None:

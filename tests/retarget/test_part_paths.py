@@ -230,3 +230,26 @@ def test_a_trunk_whose_way_back_was_judged_to_need_3_s_takes_them(retargeter: Re
     trunk = PartGoal(7, np.arange(4), bent, 60.0, 80.0, back_s=3.0)
     state = retargeter.layout.view(stands(retargeter, trunk).states[0].copy())
     assert retargeter.parts.upright(state, 100.0) == pytest.approx(80.0 + 3.0 * RATE)
+
+
+def test_torques_are_found_row_by_row_while_an_arm_is_on_its_way(
+    retargeter: Retargeter, walk: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At rest every fourth row is enough; an arm that moves, and a foot that is still to land, are no rest."""
+    quiet: list[int] = []
+    of = retargeter.torques.of
+
+    def spy(*given: Any) -> Any:
+        quiet.append(given[-1])
+        return of(*given)
+
+    monkeypatch.setattr(retargeter.torques, "of", spy)
+    still = retargeter.plan(retargeter.standing(), None, 0, 0)
+    assert quiet[-1] < len(still)
+    moves = retargeter.plan(
+        retargeter.standing(), None, 0, 0, parts=PartGoals([goal(1.0, angles=np.array([1.2, 0.2, 1.0]))])
+    )
+    assert quiet[-1] == len(moves)
+    before = retargeter.plan(retargeter.standing(), walk[:32], 0, 0)
+    steps = retargeter.plan(before.states[100], walk[24:56], 24, 100)
+    assert steps.steps and quiet[-1] + 100 > max(step.land for step in steps.steps)

@@ -38,3 +38,10 @@ def test_butterworth_is_that_of_scipy(cutoff: float) -> None:
     feed, back = butterworth(cutoff, 125.0)
     np.testing.assert_allclose(feed, numerator, rtol=1e-9)
     np.testing.assert_allclose(back, denominator[1:], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("cutoff", "fps"), [(20.0, 40.0), (20.0, 30.0), (0.0, 100.0), (-1.0, 100.0)])
+def test_a_cut_off_beyond_half_the_rate_is_refused(cutoff: float, fps: float) -> None:
+    """Its poles lay outside the unit circle: accelerations grew along the plan."""
+    with pytest.raises(ValueError, match="expected between 0 and"):
+        butterworth(cutoff, fps)

@@ -56,6 +56,16 @@ def test_words_that_are_said_again_do_not_begin_again(intent: Intent, noise: flo
     assert noises(it, sampler, 60, 90)[0] == noise
 
 
+def test_a_repetition_is_no_pose_that_is_reached() -> None:
+    """The arm was down between two of five times, and the same words without a number held it there."""
+    it, sampler = source(Item(0.0, Text(f"{POSE} twice")))
+    assert set(noises(it, sampler, 0, 60)) == {1.0}
+    played = it.window(40, 21)
+    assert played is not None
+    it.turn_to(Target(1, 1, ARM), 60, played)
+    assert noises(it, sampler, 60, 130)[:2] == [1.0, HELD_NOISE]
+
+
 def test_who_has_come_to_a_stand_reaches_it_anew() -> None:
     it, sampler = source(Item(0.0, ARM))
     noises(it, sampler, 0, 60)
