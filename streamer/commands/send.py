@@ -101,7 +101,13 @@ def send(
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
+        typer.Option(
+            "--for",
+            min=0.05,
+            max=600.0,
+            help="Come to a stand after this many seconds; arms stay as they are.",
+            show_default=False,
+        ),
     ] = None,
     wait: Annotated[
         bool,
