@@ -2,10 +2,11 @@
 
 Of every kind with enough recorded clips in the normal manner, those clips are parted at random into two halves. The
 Wasserstein distance between the halves is what people differ by; then the model takes the place of one half: each of
-its clips is sampled anew from its first frames, for as long. A clip of a pose begins and ends with hanging arms, while
-who is asked to point points until something else is asked: such a motion is compared from the first to the last frame
-in the pose. Left clips are mirrored to the right. Fails where a figure of a kind is further from the recorded half than
-`LIMIT` times the halves from each other. With `--plots` film strips and the distributions of each kind are drawn.
+its clips is sampled anew from its first frames, for as long. A clip of a pose begins and ends with hanging arms, but a
+pose that is asked for is held until something else is asked. Clips and samples of poses are compared from the first to
+the last frame in the pose. Left clips are mirrored to the right. Fails where a figure of a kind is further from the
+recorded half than `LIMIT` times the halves from each other. With `--plots` film strips and the distributions of each
+kind are drawn.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ SHORTEST_S, LONGEST_S = 0.5, 8.0
 REACHED_S = 1.5
 """Time in which a sample reaches the pose that is asked for [s]."""
 EVENTS = 12
-"""A figure of which a half has fewer values is not compared: steps of who stands."""
+"""Fewest values of a figure in each half. With fewer it is not compared: a standing human makes hardly a step."""
 
 
 @dataclass
@@ -112,7 +113,7 @@ class Held:
     pose: Mask | None
 
 
-def held(motion: Motion, check: Mapping[str, Any]) -> Held:
+def held_part(motion: Motion, check: Mapping[str, Any]) -> Held:
     """A motion from the first to the last frame in the pose that is asked for; all of one that never is in it."""
     pose = in_pose(motion, check)
     if pose is None or not pose.any():
@@ -144,7 +145,7 @@ def sampled(sampler: Sampler, kind: str, begin: Motion, recorded: Held, seed: in
 
 
 def together(motions: Sequence[Held], kind: str) -> dict[str, Float]:
-    """All values of every figure; of a kind without a side those of the mirror images too: nobody asked for a side."""
+    """All values of every figure. A kind without a side counts with its mirror images, since no side was asked for."""
     each = [figures(own.motion, own.pose) for own in motions]
     if not sides(kind):
         each += [figures(mirror(own.motion), own.pose) for own in motions]
@@ -154,13 +155,13 @@ def together(motions: Sequence[Held], kind: str) -> dict[str, Float]:
 def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, seed: int) -> Compared:
     """Part the clips into halves, put the model in the place of one, and measure; means over the draws."""
     half, began = min(MOST, len(clips) // 2), sampler.remembers
-    begins, recorded = [clip[:began] for clip in clips], [held(clip[began:], checks(kind)) for clip in clips]
+    begins, recorded = [clip[:began] for clip in clips], [held_part(clip[began:], checks(kind)) for clip in clips]
     far: dict[str, list[tuple[float, float]]] = defaultdict(list)
     values: dict[str, tuple[Float, Float, Float]] = {}
-    for draw in range(draws):
-        order = np.random.default_rng([seed, draw]).permutation(len(clips))
+    for number in range(draws):
+        order = np.random.default_rng([seed, number]).permutation(len(clips))
         samples = [
-            sampled(sampler, kind, begins[at], recorded[at], seed + draw * MOST + own)
+            sampled(sampler, kind, begins[at], recorded[at], seed + number * MOST + own)
             for own, at in enumerate(order[:half])
         ]
         parts = [[recorded[at] for at in part] for part in (order[:half], order[half : 2 * half])]

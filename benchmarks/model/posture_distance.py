@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
+from benchmarks.model.posture_figures import on_body
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.features.encode import body_points
 from flexmotion.features.heading_frame import turned
@@ -32,7 +32,7 @@ def postures(motions: Iterable[Motion], body: Body) -> Float:
     """
     found = []
     for motion in motions:
-        own = replace(motion.kinematics, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
+        own = on_body(motion, body)
         for image in (own, mirror(own)):
             human = forward(image)
             from_pelvis = body_points(human) - human.pelvis_position[:, None] * [1.0, 1.0, 0.0]

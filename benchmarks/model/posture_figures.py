@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shared.poses import POSES, Mask, elbow_bend
+from benchmarks.shared.poses import POSES, Mask, elbow_bend, from_pelvis
 from flexmotion.human.body import Body
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
-from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
 
@@ -27,7 +26,7 @@ FIGURES: dict[str, tuple[str, float]] = {
     "step width": ("cm", 0.5),
     "time in pose": ("%", 5.0),
 }
-"""Unit of each figure, and the least distance that counts: closer than this nobody sees, nor does motion capture."""
+"""Unit of each figure, and the least distance of two distributions that counts: nobody sees a smaller one."""
 
 
 def on_body(motion: Motion, body: Body) -> Motion:
@@ -46,16 +45,14 @@ def figures(motion: Motion, pose: Mask | None = None) -> dict[str, Float]:
         pose: frames in the pose that is asked for, (T,); None where none is asked for.
     """
     human = forward(motion)
-    yaw = continuous_matrix_heading(human.pelvis_rotation)
-    up = human.torso_rotation[:, :, 2]
-    ahead = np.cos(yaw) * up[:, 0] + np.sin(yaw) * up[:, 1]
+    ahead, _, up = from_pelvis(human, human.torso_rotation[:, None, :, 2])[:, 0].T
     return {
-        "trunk pitch": np.degrees(np.arctan2(ahead, up[:, 2])),
+        "trunk pitch": np.degrees(np.arctan2(ahead, up)),
         "left wrist": 100 * human.wrist[:, 0, 2],
         "right wrist": 100 * human.wrist[:, 1, 2],
         "left elbow": elbow_bend(human, 0),
         "right elbow": elbow_bend(human, 1),
-        "step width": 100 * step_widths(human, yaw, motion.fps),
+        "step width": 100 * step_widths(human, motion.fps),
         "time in pose": np.array([]) if pose is None else np.array([100 * pose.mean()]),
     }
 
@@ -70,9 +67,9 @@ def in_pose(motion: Motion, check: Mapping[str, Any]) -> Mask | None:
     return np.logical_and.reduce(poses) if poses else None
 
 
-def step_widths(human: HumanKinematics, yaw: Float, fps: float) -> Float:
+def step_widths(human: HumanKinematics, fps: float) -> Float:
     """Distance of the ankles across the heading at every touch-down, (K,) [m]."""
     loaded, _ = ContactDetector().detect(human, fps)
     landed = np.flatnonzero((loaded[1:] & ~loaded[:-1]).any(axis=1)) + 1
-    apart = human.ankle[landed, 0, :2] - human.ankle[landed, 1, :2]
-    return np.asarray(np.cos(yaw[landed]) * apart[:, 1] - np.sin(yaw[landed]) * apart[:, 0], np.float64)
+    apart = from_pelvis(human, (human.ankle[:, 0] - human.ankle[:, 1])[:, None])[:, 0, 1]
+    return apart[landed]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.model.posture_figures import on_body
 from flexmotion.features.encode import body_points
 from flexmotion.features.heading_frame import turned
 from flexmotion.human.body import Body
@@ -34,7 +33,7 @@ def windows_of(motion: Motion, body: Body, length: int, stride: int) -> Float32:
         length: of a window [frames].
         stride: from one window to the next [frames].
     """
-    motion = replace(motion, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
+    motion = on_body(motion, body)
     human = forward(motion)
     points, yaw = body_points(human), continuous_matrix_heading(human.pelvis_rotation)
     starts = np.arange(0, len(motion) - length + 1, stride)

@@ -47,10 +47,11 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_SINCE_9: dict[str, Any] = {"corrections": {"pose_noise"}}
+_CORRECTIONS_SINCE_9 = {"pose_noise"}
+_SINCE_9: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_9}
 _SINCE_8: dict[str, Any] = {"personal": True} | _SINCE_9
-_CORRECTIONS_SINCE_7 = ("travelling_noise", "spot_noise", "ahead", "turning")
-_SINCE_7: dict[str, Any] = _SINCE_8 | {"eight_bits": True, "corrections": {"pose_noise", *_CORRECTIONS_SINCE_7}}
+_CORRECTIONS_SINCE_7 = {"travelling_noise", "spot_noise", "ahead", "turning"}
+_SINCE_7: dict[str, Any] = _SINCE_8 | {"eight_bits": True, "corrections": _CORRECTIONS_SINCE_7 | _CORRECTIONS_SINCE_9}
 _SINCE_6 = {"manner": True, "manner_guidance": True, "repertoire": True} | _SINCE_7
 """Fields that former schemas lack."""
 

@@ -27,8 +27,8 @@ from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.motion.undo import Undo
 
 _REACHED_S = 1.0
-"""A pose is reached this long after it was asked for [s]: within the first window in 9 of 10 samples of raised hands,
-salutes, pointing arms and hands on hips; then it is held."""
+"""A pose counts as reached this long after it was asked for [s]: about one window of the model. A hand that is slower
+goes on to its pose with less noise as well."""
 
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later

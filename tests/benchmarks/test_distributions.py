@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.model.distributions import LIMIT, Compared, Held, held, together, verdicts
+from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, together, verdicts
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.body import Body
@@ -64,22 +64,22 @@ def test_a_pose_is_compared_while_it_is_held(circling) -> None:
     clip = bent(circling(60), "shoulder_flexion_r", 170.0, 20, 45)
     pose = in_pose(clip, HAND_UP)
     assert pose is not None and pose.sum() == 25
-    part = held(clip, HAND_UP)
+    part = held_part(clip, HAND_UP)
     assert len(part.motion) == 25 and figures(part.motion, part.pose)["time in pose"] == pytest.approx([100.0])
-    assert len(held(circling(60), HAND_UP).motion) == 60  # never in it: all of it counts
-    assert len(held(clip, {}).motion) == 60
+    assert len(held_part(circling(60), HAND_UP).motion) == 60  # never in it: all of it counts
+    assert len(held_part(clip, {}).motion) == 60
 
 
 def test_a_pose_that_is_left_in_between_is_less_time_in_it(circling) -> None:
     clip = bent(bent(circling(60), "shoulder_flexion_r", 170.0, 20, 45), "shoulder_flexion_r", 0.0, 30, 35)
-    part = held(clip, HAND_UP)
+    part = held_part(clip, HAND_UP)
     assert figures(part.motion, part.pose)["time in pose"] == pytest.approx([80.0])
 
 
 def test_a_look_counts_from_before_it(circling) -> None:
     """Looks are angles from the first frame, and of the held part that is one of the look: 40 % were in the pose."""
     clip, look = bent(circling(60), "neck_extension", 30.0, 20, 50), {"looks": {"up": 15}}
-    part = held(clip, look)
+    part = held_part(clip, look)
     assert len(part.motion) == 30 and figures(part.motion, part.pose)["time in pose"] == pytest.approx([100.0])
 
 
