@@ -87,6 +87,12 @@ CATALOGUE = (
         "robot/tension", "4 min", (), "presses .8 of stiff arms or more, impact above 1.1; tracking above 1°; a fall"
     ),
     Benchmark("robot/pace", "5 min", (), "at `gait.pace` below .4 of the way, .7 of its best speed, 90 % upright"),
+    Benchmark(
+        "robot/fastest_walk",
+        "6 min",
+        (),
+        "below .20 m/s, a fall, knees late by 6°, slip 5 mm/s, knee RMS .3 of stall, a hot servo",
+    ),
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),

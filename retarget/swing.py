@@ -21,9 +21,11 @@ from flexmotion.retarget.swing_shapes import TOLERANCE, Basis, Shape, between, f
 
 Float = NDArray[np.float64]
 
-_SHAPED = (0.3, 0.6, 0.9, 1.2)
+_SHAPED = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
 """Travels ahead and back for which a shape is found, over the length of a leg. Shorter ones have a mix of the two
 shortest: the progress of a foot that goes nowhere is not determined."""
+_FIRST_SHAPED = 6
+"""The travel whose shape is found first, that of fast walks; the others are found from their neighbours."""
 _ASIDE = (-0.5, -0.25, 0.0, 0.25, 0.5)
 """Travels to the side, over the length of a leg; positive is outward."""
 _TURNS = (-1.0, -0.5, 0.0, 0.5, 1.0)
@@ -34,7 +36,7 @@ _FINE = np.linspace(1.0, 0.0, 65)
 """Shares of a travel that are tried for the greatest one."""
 _FAST, _SLOW = 0.98, 0.8
 """Shares of the robot's best speed in a steady walk: of its longest stride, and of its shortest swing."""
-_BRISK = 0.89, 0.92, 0.94
+_BRISK = 0.92, 0.95, 0.97
 """Shares of it in a steady walk with room for disturbances: of its shortest swing, its best and its longest."""
 _LONGEST_S = 2.0
 """Longest swing [s]."""
@@ -258,25 +260,47 @@ def _shapes(key: _Key, lengths: Float) -> tuple[Float, list[Shape]]:
     """
     travels, shapes = [], []
     for sign in (-1.0, 1.0):
-        own = []
-        for travel in sign * lengths:
-            shape = fastest_shape(key.effort, np.array([travel, 0.0, 0.0]))
-            if shape is None:
-                break
-            travels.append(travel)
-            own.append(shape)
+        own = _outward(key.effort, sign * lengths)
         if not own:
             gait = key.effort.gait
             raise RetargetError(
                 f"{key.file}: the servos cannot swing a leg by {lengths[0]:.3f} m: lower gait.clearance "
                 f"({gait.clearance:g} m) or change gait.walk_hip_height ({gait.walk_hip_height:g} m)"
             )
+        travels += list(sign * lengths[: len(own)])
         shapes += own
     back = sum(travel < 0.0 for travel in travels)
     travels.append(0.0)
     shapes.append(between(shapes[0], shapes[back]))
     order = np.argsort(travels)
     return np.array(travels)[order], [shapes[k] for k in order]
+
+
+def _outward(effort: SwingEffort, travels: Float) -> list[Shape]:
+    """Shapes of travels that grow, from the first on, as far as the servos swing the leg.
+
+    The first that is found is that of `_FIRST_SHAPED`, or of a shorter one where the servos cannot make it; each of the
+    others is found from its neighbour, or without one where that fails.
+    """
+    tried = (
+        (n, fastest_shape(effort, _ahead(travels[n]))) for n in range(min(_FIRST_SHAPED, len(travels) - 1), -1, -1)
+    )
+    first, shape = next(((n, shape) for n, shape in tried if shape is not None), (0, None))
+    if shape is None:
+        return []
+    found = {first: shape}
+    for numbers, step in ((range(first - 1, -1, -1), 1), (range(first + 1, len(travels)), -1)):
+        for number in numbers:
+            shape = fastest_shape(effort, _ahead(travels[number]), found[number + step])
+            shape = shape or fastest_shape(effort, _ahead(travels[number]))
+            if shape is None:
+                break
+            found[number] = shape
+    return [found[number] for number in range(len(found))] if 0 in found else []
+
+
+def _ahead(travel: float) -> Float:
+    return np.array([travel, 0.0, 0.0])
 
 
 def _shortest(effort: SwingEffort, shape: Shape, ahead: float, aside: Float, turns: Float) -> Float:

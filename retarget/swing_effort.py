@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.human.vectors import cross
 from flexmotion.retarget.legs import Leg
+from flexmotion.retarget.zmp_roll import roll_share, steady_hips
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.rotations import yaw_matrices
 
@@ -131,6 +132,7 @@ class SwingEffort:
         self.gait, self.leg, self.omega = robot.gait, legs[0], omega
         self.limits, self.chain = Limits.of(robot, legs), LegChain(robot, legs[0])
         self.phase = np.linspace(0.0, 1.0, ROWS)
+        self._sole_half_length = float(robot.sole_half_size[:, 0].min())
         self._height = self.gait.walk_hip_height - float(self.leg.sole[2]) - float(self.leg.hip[2])
 
     def figures(self) -> Float:
@@ -138,7 +140,7 @@ class SwingEffort:
         leg, gait, chain = self.leg, self.gait, self.chain
         parts = [
             [gait.walk_hip_height, gait.double_support_min_s, gait.clearance, gait.max_foot_yaw, gait.max_toe_in],
-            [self.omega, leg.thigh, leg.shank, *leg.hip, *leg.sole, *leg.signs],
+            [self.omega, self._sole_half_length, leg.thigh, leg.shank, *leg.hip, *leg.sole, *leg.signs],
             *(vars(self.limits).values()),
             *(part.ravel() for part in (chain.axes, chain.anchors, chain.mass, chain.centre)),
         ]
@@ -204,14 +206,16 @@ class SwingEffort:
     def _joints(self, progress: Float, lift: Float, travel: Float, seconds: Float) -> tuple[Float, Float, Float]:
         """Joint angles (B, ROWS, 6) [rad], and positions and rotations of the torso.
 
-        In a steady walk the torso moves by half of the foot's travel from one touch-down to the next, and as an
-        inverted pendulum in the swing: it passes the other foot at its lowest speed.
+        In a steady walk a foot travels by two strides. The zero-moment point rolls ahead, not aside, and the torso turns
+        as it goes aside.
         """
-        half = 0.5 * self.omega * seconds[:, None]
-        share = 0.5 * seconds / (seconds + self.gait.double_support_min_s)
-        along = share[:, None] * np.sinh(half * (2.0 * self.phase - 1.0)) / (2.0 * np.sinh(half))
-        middle = progress - 0.5
-        foot, torso = middle[..., None] * travel[:, None], along[..., None] * travel[:, None]
+        pause, stride = self.gait.double_support_min_s, 0.5 * travel
+        rolled, still = (
+            steady_hips(self.phase, roll, seconds, pause, self.omega)
+            for roll in (roll_share(stride[:, 0], self._sole_half_length), np.zeros(len(stride)))
+        )
+        foot = (progress - 0.5)[..., None] * travel[:, None]
+        torso = np.stack([rolled, still, still], axis=-1) * stride[:, None]
         position = np.concatenate([torso[..., :2], np.full((*progress.shape, 1), self._height)], axis=-1)
         ahead = foot[..., :2] + (self.leg.hip + self.leg.sole)[:2]
         soles = np.concatenate([ahead, lift[..., None], foot[..., 2:]], axis=-1)

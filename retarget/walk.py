@@ -19,6 +19,7 @@ from flexmotion.retarget.steps import Step
 from flexmotion.retarget.swing_check import Sway, SwingCheck
 from flexmotion.retarget.view import HumanView
 from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.retarget.zmp_roll import rolled
 
 Float = NDArray[np.float64]
 
@@ -29,11 +30,6 @@ _AT_REST_S = 0.4
 _PUT_OFF_S = (0.1, 0.2)
 """How much longer notice new steps may be given where the weight cannot be moved in time; each try costs a twentieth of
 a plan."""
-_ROLL, _MOST_ROLL = 0.2, 0.4
-"""The zero-moment point is ahead of a sole's centre by this share of the way by which the other foot is ahead, and at
-most by this share of half a sole. The hips then move more evenly. Of 6 runs of changing clips (swings that are given
-time, both): legs lag by 1.3° (median) instead of 1.6; in perturbed walks soles slip by 1.5 mm/s instead of 4.5, knees
-are 3° late (p95) instead of 6 to 10."""
 _FADE_IN = 3.6
 """Time in which the weight becomes the human's once one is followed, in time constants of the robot's pendulum. A robot
 that stands has its weight between its feet, and cannot have it elsewhere at once: first steps were put off for it by up
@@ -89,7 +85,7 @@ class WalkPlanner:
         self.footsteps, self.absorber, self.check, self.body = footsteps, absorber, check, body
         self.rate = rate_hz
         self._lead_in_s = lead_in_s
-        self._most_roll = _MOST_ROLL * sole_half_length
+        self._sole_half_length = sole_half_length
         self._put_off = [int(round(seconds * rate_hz)) for seconds in _PUT_OFF_S]
 
     def follow(self, state: RetargetState, view: HumanView) -> Walk:
@@ -215,24 +211,7 @@ class WalkPlanner:
     def _balance(self, state: RetargetState, schedule: Schedule) -> Absorbed:
         share = schedule.share[:, None]
         left, right = schedule.feet[:, 0], schedule.feet[:, 1]
-        roll = _roll(left, right, self._most_roll)
+        roll = rolled(left, right, self._sole_half_length)
         zmp = (1.0 - share) * (left[:, :2] + roll) + share * (right[:, :2] - roll)
         dcm = balance.divergent_component(zmp, self.absorber.omega, self.absorber.dt)
         return self.absorber.absorb(zmp, dcm, state.dcm, float(schedule.feet[0, :, 3].mean()))
-
-
-def _roll(left: Float, right: Float, most: float) -> Float:
-    """Displacement of the zero-moment point ahead on the left foot, and back on the right, (T, 2) [m].
-
-    It is a share of how far the other foot is ahead, so that it rolls over the sole of the standing foot while the
-    other passes it, and the hips move evenly.
-
-    Args:
-        left, right: soles, (T, 4) [m, m, m, rad].
-        most: bound of it [m].
-    """
-    yaw = 0.5 * (left[:, 3] + right[:, 3])
-    ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-    way = np.sum((right - left)[:, :2] * ahead, axis=1)
-    found: Float = np.clip(_ROLL * way, -most, most)[:, None] * ahead
-    return found

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.swing_effort import ROWS, SwingEffort
+from flexmotion.retarget.zmp_roll import steady_hips
 from flexmotion.spatial.transitions import minimum_jerk
 
 TRAVEL, SECONDS = np.array([[0.18, 0.03, 0.2]]), np.array([0.42])
@@ -76,9 +77,8 @@ def test_a_swing_over_given_hips_asks_what_the_steady_walk_does_over_the_same(ef
     foot = (progress - 0.5)[..., None] * TRAVEL[:, None]
     leg, gait = effort.leg, effort.gait
     soles = np.dstack([foot[..., :2] + (leg.hip + leg.sole)[:2], lift, foot[..., 2]])
-    half = 0.5 * effort.omega * SECONDS[0]
-    share = 0.5 * SECONDS[0] / (SECONDS[0] + gait.double_support_min_s)
-    turned = TRAVEL[0, 2] * share * np.sinh(half * (2.0 * effort.phase - 1.0)) / (2.0 * np.sinh(half))
+    still = steady_hips(effort.phase, np.zeros(1), SECONDS, gait.double_support_min_s, effort.omega)
+    turned = 0.5 * TRAVEL[0, 2] * still[0]
     hips = np.dstack([torso[..., :2], np.full_like(lift, gait.walk_hip_height), turned[None]])
     if right:
         soles, hips = soles * [1.0, -1.0, 1.0, -1.0], hips * [1.0, -1.0, 1.0, -1.0]

@@ -6,7 +6,7 @@ import pytest
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.swing_effort import SwingEffort
-from flexmotion.retarget.swing_shapes import TOLERANCE, Basis, Shape, fastest_shape, floor_clearance
+from flexmotion.retarget.swing_shapes import TOLERANCE, Basis, Shape, between, fastest_shape, floor_clearance
 from flexmotion.spatial.transitions import minimum_jerk, smoothstep
 
 
@@ -50,6 +50,19 @@ def test_it_asks_for_less_than_a_path_of_polynomials(effort: SwingEffort, shape:
     s = effort.phase
     progress = 0.7 * smoothstep(s) + 0.3 * minimum_jerk(s)
     assert asked(effort, progress, 16.0 * (s * (1.0 - s)) ** 2, travel, shape.seconds) > 1.1
+
+
+def test_a_mix_of_shapes_that_are_found_from_each_other_is_nearly_as_fast_as_both(effort: SwingEffort) -> None:
+    """Went wrong: shapes of neighbouring travels were of two kinds, and the mix took a tenth longer than either."""
+    travels = [np.array([travel, 0.0, 0.0]) for travel in (0.198, 0.176)]
+    first = fastest_shape(effort, travels[0])
+    assert first is not None
+    second = fastest_shape(effort, travels[1], first)
+    assert second is not None and second.seconds < first.seconds
+    mixed, basis = between(first, second), Basis.at(effort.phase)
+    most = asked(effort, basis.progress(mixed), basis.height(mixed), 0.5 * (travels[0] + travels[1]), mixed.seconds)
+    # What the rotors ask falls with the square of the duration.
+    assert most < 1.03**2
 
 
 def test_the_same_robot_gives_the_same_shape(effort: SwingEffort, shape: Shape, travel: np.ndarray) -> None:
