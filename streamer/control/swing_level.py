@@ -23,7 +23,8 @@ Float = NDArray[np.float64]
 
 _DEAD = 0.065
 """Smaller tilts beyond the plan are ignored [rad]. Three clips of unpushed walks tilt by at most .068 rad in mid-swing
-(99 %: .062), and for a moment by .11 when a foot strikes. With .03 a walk lost a tenth of its way."""
+(99 %: .062), and for a moment by .11 when a foot strikes. With .03 a walk lost a tenth of its way. A greater tilt is
+made up for as a whole until the foot lands: less the band, a foot of a robot pushed inward struck toes first."""
 _MOST = 0.25
 """Most of it that is made up for [rad]."""
 _LIFT = 0.03
@@ -57,7 +58,7 @@ class SwingLevel:
         self._nearest, self._farthest = capture.nearest.tolist(), capture.farthest.tolist()
         self._rate = float(robot.rate_hz)
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
-        self._acts = False
+        self._acts = self._tilts = False
         self._before, self._origin = np.zeros(robot.n), np.zeros((1, 3))
         self._quaternion, self._planned, self._tilted = np.zeros(4), np.zeros(9), np.zeros(9)
 
@@ -65,7 +66,7 @@ class SwingLevel:
         """Let the legs follow their plan at once."""
         if self._acts:
             self.offset[:] = self.speed[:] = 0.0
-            self._acts = False
+            self._acts = self._tilts = False
 
     def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
         """Fill `offset` and `speed` for the newest estimate.
@@ -79,6 +80,9 @@ class SwingLevel:
         """
         swings = self.enabled and reference.balanced and estimator.has_imu and not (hung or reference.contacts.all())
         roll, pitch = self._tilt(estimator, reference) if swings else (0.0, 0.0)
+        self._tilts = swings and (self._tilts or max(abs(roll), abs(pitch)) > _DEAD)
+        if not self._tilts:
+            roll = pitch = 0.0
         if not self._acts and roll == 0.0 and pitch == 0.0:
             return False
         np.copyto(self._before, self.offset)
@@ -96,10 +100,10 @@ class SwingLevel:
         return self._acts
 
     def _tilt(self, estimator: Estimator, reference: Reference) -> tuple[float, float]:
-        """Roll and pitch of the torso beyond the plan and the dead band [rad]."""
+        """Roll and pitch of the torso beyond the plan, bounded [rad]."""
         roll, pitch = estimator.tilt.tolist()
         planned_roll, planned_pitch = roll_pitch(reference.base[3:])
-        return _beyond(roll - planned_roll), _beyond(pitch - planned_pitch)
+        return _bounded(roll - planned_roll), _bounded(pitch - planned_pitch)
 
     def _solve(self, side: int, roll: float, pitch: float, reference: Reference) -> Float:
         """Offsets of the leg in the air, hip to ankle, for a tilt beyond the plan, (6,) [rad]."""
@@ -140,5 +144,5 @@ class SwingLevel:
         return min(max(move, low - planned), high - planned)
 
 
-def _beyond(value: float) -> float:
-    return math.copysign(min(max(abs(value) - _DEAD, 0.0), _MOST), value)
+def _bounded(value: float) -> float:
+    return min(max(value, -_MOST), _MOST)

@@ -82,7 +82,8 @@ def test_the_sole_stays_level_and_the_foot_under_its_hip(tilt: tuple[float, floa
     without, steep = soles(reference.q, estimator.tilt, yaw)
     planned, _ = soles(reference.q, estimator.tilt - tilt, yaw)
     swing = STEP.side
-    assert leans(flat[swing]) < 1.7 * DEAD < leans(steep[swing])
+    # All of the tilt is made up for. Went wrong: less a band of .065 rad, which had a foot aside strike 4 mm too soon.
+    assert leans(flat[swing]) < 0.1 * DEAD < leans(steep[swing])
     # Ahead, as far from the torso as planned: where the robot falls to.
     assert abs(with_it[swing, 0] - planned[swing, 0]) <= abs(without[swing, 0] - planned[swing, 0]) + 1e-4
     # The leg that carries the robot is left alone.
@@ -104,7 +105,7 @@ def test_the_foot_stays_where_it_was_planned_under_its_hip_as_high_over_the_othe
     """Went wrong: no test saw whether the foot goes aside at all, nor how high it is held."""
     level, estimator, reference = tilted(*tilt)
     swing, yaw, still = STEP.side, float(reference.feet[:, 3].mean()), estimator.tilt - tilt
-    beyond = still + [math.copysign(max(abs(angle) - DEAD, 0.0), angle) for angle in tilt]
+    beyond = still + tilt
     away = 1.0 if swing == 0 else -1.0
     axes = np.array([[math.cos(yaw), math.sin(yaw), 0.0], [-away * math.sin(yaw), away * math.cos(yaw), 0.0]])
     planned, rigid, found = (
@@ -149,6 +150,19 @@ def test_no_tilt_and_no_lie_takes_the_foot_across_the_other_or_turns_it_fast(
     # The ankle turns the sole about itself, and joints get there one before the other.
     assert gaps[1] >= min(gaps[0], RETARGETER.gait.lateral[0]) - 0.01
     assert gaps[1] > 2.0 * ROBOT.sole_half_size[:, 1].max()
+
+
+def test_a_tilt_that_has_begun_to_be_made_up_for_is_until_the_foot_lands() -> None:
+    level, estimator, reference = tilted(0.1, 0.0)
+    estimator.tilt[0] -= 0.06
+    for _ in range(60):
+        level.update(estimator, reference)
+    assert np.abs(level.offset).max() > 0.02
+    reference.contacts[:] = True
+    for _ in range(250):
+        level.update(estimator, reference)
+    reference.contacts[:] = False, True
+    assert not level.update(estimator, reference)
 
 
 def test_it_turns_the_leg_back_by_and_by_once_it_carries_the_robot() -> None:
