@@ -23,8 +23,10 @@ Float = NDArray[np.float64]
 
 _DEAD = 0.065
 """Smaller tilts beyond the plan are ignored [rad]. Three clips of unpushed walks tilt by at most .068 rad in mid-swing
-(99 %: .062), and for a moment by .11 when a foot strikes. With .03 a walk lost a tenth of its way. A greater tilt is
-made up for as a whole until the foot lands: less the band, a foot of a robot pushed inward struck toes first."""
+(99 %: .062), and for a moment by .11 when a foot strikes. With .03 a walk lost a tenth of its way."""
+_SWAY = 0.025
+"""A robot that tilts by more, and whose divergent component is this far from its plan, was pushed: all of its tilt is
+made up for until the foot lands [m]. Less the band, a foot of a robot pushed inward struck the ground toes first."""
 _MOST = 0.25
 """Most of it that is made up for [rad]."""
 _LIFT = 0.03
@@ -58,7 +60,7 @@ class SwingLevel:
         self._nearest, self._farthest = capture.nearest.tolist(), capture.farthest.tolist()
         self._rate = float(robot.rate_hz)
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
-        self._acts = self._tilts = False
+        self._acts = self._pushed = False
         self._before, self._origin = np.zeros(robot.n), np.zeros((1, 3))
         self._quaternion, self._planned, self._tilted = np.zeros(4), np.zeros(9), np.zeros(9)
 
@@ -66,7 +68,7 @@ class SwingLevel:
         """Let the legs follow their plan at once."""
         if self._acts:
             self.offset[:] = self.speed[:] = 0.0
-            self._acts = self._tilts = False
+            self._acts = self._pushed = False
 
     def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
         """Fill `offset` and `speed` for the newest estimate.
@@ -80,9 +82,12 @@ class SwingLevel:
         """
         swings = self.enabled and reference.balanced and estimator.has_imu and not (hung or reference.contacts.all())
         roll, pitch = self._tilt(estimator, reference) if swings else (0.0, 0.0)
-        self._tilts = swings and (self._tilts or max(abs(roll), abs(pitch)) > _DEAD)
-        if not self._tilts:
-            roll = pitch = 0.0
+        if swings and max(abs(roll), abs(pitch)) > _DEAD:
+            ahead, left = (estimator.dcm - reference.dcm).tolist()
+            self._pushed = self._pushed or math.hypot(ahead, left) > _SWAY
+        self._pushed = swings and self._pushed
+        if not self._pushed:
+            roll, pitch = _beyond(roll), _beyond(pitch)
         if not self._acts and roll == 0.0 and pitch == 0.0:
             return False
         np.copyto(self._before, self.offset)
@@ -100,16 +105,17 @@ class SwingLevel:
         return self._acts
 
     def _tilt(self, estimator: Estimator, reference: Reference) -> tuple[float, float]:
-        """Roll and pitch of the torso beyond the plan, bounded [rad]."""
+        """Roll and pitch of the torso beyond the plan [rad]."""
         roll, pitch = estimator.tilt.tolist()
         planned_roll, planned_pitch = roll_pitch(reference.base[3:])
-        return _bounded(roll - planned_roll), _bounded(pitch - planned_pitch)
+        return roll - planned_roll, pitch - planned_pitch
 
     def _solve(self, side: int, roll: float, pitch: float, reference: Reference) -> Float:
         """Offsets of the leg in the air, hip to ankle, for a tilt beyond the plan, (6,) [rad]."""
         leg, feet = self._geometry[side], reference.feet
         yaw = 0.5 * float(feet[0, 3] + feet[1, 3])
         cos, sin = math.cos(yaw), math.sin(yaw)
+        roll, pitch = min(max(roll, -_MOST), _MOST), min(max(pitch, -_MOST), _MOST)
         # Rotation of the torso as planned, and that of the tilt, about the axes ahead and left.
         mujoco.mju_quat2Mat(self._planned, reference.base[3:])
         planned = self._planned.reshape(3, 3)
@@ -144,5 +150,5 @@ class SwingLevel:
         return min(max(move, low - planned), high - planned)
 
 
-def _bounded(value: float) -> float:
-    return min(max(value, -_MOST), _MOST)
+def _beyond(value: float) -> float:
+    return math.copysign(max(abs(value) - _DEAD, 0.0), value)

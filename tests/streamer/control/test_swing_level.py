@@ -45,6 +45,7 @@ def tilted(roll: float, pitch: float, ticks: int = 60) -> tuple[SwingLevel, Esti
     """The offsets of a torso that stays tilted beyond its plan."""
     estimator, reference = swinging()
     estimator.tilt += roll, pitch
+    estimator.dcm[:] = reference.dcm + (0.03, 0.0)  # it was pushed
     level = SwingLevel(ROBOT, RETARGETER)
     for _ in range(ticks):
         level.update(estimator, reference)
@@ -150,6 +151,20 @@ def test_no_tilt_and_no_lie_takes_the_foot_across_the_other_or_turns_it_fast(
     # The ankle turns the sole about itself, and joints get there one before the other.
     assert gaps[1] >= min(gaps[0], RETARGETER.gait.lateral[0]) - 0.01
     assert gaps[1] > 2.0 * ROBOT.sole_half_size[:, 1].max()
+
+
+def test_without_a_push_a_small_tilt_is_left() -> None:
+    """Went wrong: levelled for all of its tilt, a turning walk that nobody pushed slipped more."""
+    estimator, reference = swinging()
+    estimator.tilt[0] += 1.1 * DEAD
+    sizes = []
+    for push in (0.02, 0.03):
+        estimator.dcm[:] = reference.dcm + (push, 0.0)
+        level = SwingLevel(ROBOT, RETARGETER)
+        for _ in range(60):
+            level.update(estimator, reference)
+        sizes.append(np.abs(level.offset).max())
+    assert sizes[0] < 0.3 * sizes[1]
 
 
 def test_a_tilt_that_has_begun_to_be_made_up_for_is_until_the_foot_lands() -> None:
