@@ -282,10 +282,9 @@ def _outward(effort: SwingEffort, travels: Float) -> list[Shape]:
     The first that is found is that of `_FIRST_SHAPED`, or of a shorter one where the servos cannot make it; each of the
     others is found from its neighbour, or without one where that fails.
     """
-    tried = (
-        (n, fastest_shape(effort, _ahead(travels[n]))) for n in range(min(_FIRST_SHAPED, len(travels) - 1), -1, -1)
-    )
-    first, shape = next(((n, shape) for n, shape in tried if shape is not None), (0, None))
+    numbers = range(min(_FIRST_SHAPED, len(travels) - 1), -1, -1)
+    tried = ((number, fastest_shape(effort, _ahead(travels[number]))) for number in numbers)
+    first, shape = next((one for one in tried if one[1] is not None), (0, None))
     if shape is None:
         return []
     found = {first: shape}

@@ -206,8 +206,8 @@ class SwingEffort:
     def _joints(self, progress: Float, lift: Float, travel: Float, seconds: Float) -> tuple[Float, Float, Float]:
         """Joint angles (B, ROWS, 6) [rad], and positions and rotations of the torso.
 
-        In a steady walk a foot travels by two strides. The zero-moment point rolls ahead, not aside, and the torso turns
-        as it goes aside.
+        In a steady walk a foot travels by two strides. The zero-moment point rolls ahead, not aside, and the torso
+        turns as it goes aside.
         """
         pause, stride = self.gait.double_support_min_s, 0.5 * travel
         rolled, still = (

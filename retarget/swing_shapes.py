@@ -27,7 +27,7 @@ _FIRST_S, _LEAST_S = 0.5, 0.15
 
 @dataclass(frozen=True)
 class _Search:
-    """Linear programmes, and how far each may move control points and duration [s]: `decay` times as far as the last."""
+    """Linear programmes, and how far each may move control points and duration [s]: `decay` of the one before."""
 
     rounds: int
     trust: float
@@ -40,9 +40,9 @@ _WIDE, _NEAR = _Search(10, 0.08, 0.75, 0.25), _Search(5, 0.06, 0.65, 0.1)
 _ROOM = 1.08
 """Duration with which the second begins, over that of the shape that it begins with."""
 _STEEPNESS = 0.7
-"""1: a parabola over the way. Less: higher where the foot is about to land. The toes of a nominal OP3 strike 28 ms early,
-and what was left of the way is lost: of its fastest walks it made .183 m/s with 1, .198 with .7 and .199 with .5, four
-runs each; swings are 2 % longer."""
+"""1: a parabola over the way. Less: higher where the foot is about to land. The toes of a nominal OP3 strike 28 ms
+early, and what was left of the way is lost: of its fastest walks it made .183 m/s with 1, .198 with .7 and .199 with
+.5, four runs each; swings are 2 % longer."""
 _DIFFERENCE = 1e-4
 """Step of the finite differences."""
 _PENALTY = 20.0
@@ -138,8 +138,8 @@ def fastest_shape(effort: SwingEffort, travel: Float, near: Shape | None = None)
         excess = float(values[0].max())
         if excess < TOLERANCE and x[-1] < shortest:
             best, shortest = x, float(x[-1])
-        near = values[0] > -1.0
-        slopes = (values[1:, near] - values[0, near]).T / _DIFFERENCE
+        close = values[0] > -1.0
+        slopes = (values[1:, close] - values[0, close]).T / _DIFFERENCE
         trust = np.full(len(x), search.trust * search.decay**number)
         trust[-1] = search.trust_s * search.decay**number
         least = np.append(-trust, 0.0)
@@ -147,7 +147,7 @@ def fastest_shape(effort: SwingEffort, travel: Float, near: Shape | None = None)
         solved = linprog(
             np.concatenate([np.zeros(len(x) - 1), [1.0, _PENALTY]]),
             A_ub=np.column_stack([slopes, np.full(len(slopes), -1.0)]),
-            b_ub=-values[0, near],
+            b_ub=-values[0, close],
             bounds=list(zip(least.tolist(), [*trust.tolist(), np.inf], strict=True)),
         )
         if solved.x is None:

@@ -1,4 +1,4 @@
-"""The zero-moment point rolls over the sole of the standing foot while the other passes it, and the hips move evenly."""
+"""The zero-moment point rolls over the sole of the standing foot while the other passes it: the hips move evenly."""
 
 from __future__ import annotations
 

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import Annotated, Any
 
 import numpy as np
@@ -144,13 +143,10 @@ def binding(robot: Robot) -> dict[str, Any]:
     seconds = swings.brisk_s[1]
     travel = 2.0 * swings.stride(seconds)
     path = swings.path(effort.phase, 0, np.zeros(4), np.array([travel, 0.0, 0.0, 0.0]))
-    asked = effort.asked(
-        path[None, :, 0] / travel, path[None, :, 2], np.array([[travel, 0.0, 0.0]]), np.array([seconds])
-    )
-    most = np.abs(asked[0]).max(axis=0)
-    shares = {
-        f"{part} of {joint}": float(most[i, j]) for i, part in enumerate(OF_WHAT) for j, joint in enumerate(CHAIN)
-    }
+    progress, way = path[None, :, 0] / travel, np.array([[travel, 0.0, 0.0]])
+    most = np.abs(effort.asked(progress, path[None, :, 2], way, np.array([seconds]))[0]).max(axis=0)
+    parts = np.ndindex(most.shape)
+    shares = {f"{OF_WHAT[part]} of {CHAIN[joint]}": float(most[part, joint]) for part, joint in parts}
     hardest = sorted(shares, key=shares.__getitem__, reverse=True)[:3]
     return {
         "stride_m": 0.5 * travel,
@@ -212,28 +208,24 @@ def main(
     if csv_out is not None:
         write_csv(csv_out, [asdict(row) for row in rows])
     figures: dict[str, Any] = {"human": speed, "binding": bound}
+    measured = ("speed", "late_deg", "slip_mm_s", "knee", "touched")
     verdicts = []
-    for name, limit in (("nominal", WALKS), ("perturbed", WALKS)):
+    for name in ("nominal", "perturbed"):
         own = [row for row in rows if row.perturbed == (name == "perturbed")]
-        figures[name] = {
-            key: middle([getattr(row, key) for row in own])
-            for key in ("speed", "late_deg", "slip_mm_s", "knee", "touched")
-        } | {"upright": share([row.upright for row in own]), "runs": len(own)}
-        figure = figures[name]["speed"] or 0.0
-        verdicts.append(Verdict(f"{name} walk: {figure:.3f} m/s (>= {limit:.2f})", figure >= limit))
+        figures[name] = {key: middle([getattr(row, key) for row in own]) for key in measured}
+        figures[name] |= {"upright": share([row.upright for row in own]), "runs": len(own)}
+        reached = figures[name]["speed"] or 0.0
+        verdicts.append(Verdict(f"{name} walk: {reached:.3f} m/s (>= {WALKS:.2f})", reached >= WALKS))
     hardest, most = next(iter(bound["hardest"].items()))
     upright = sum(row.upright for row in rows)
-    known = [row for row in rows if row.upright]
-    late, slip, knee = (median(getattr(row, key) for row in known) for key in ("late_deg", "slip_mm_s", "knee"))
+    sent = sum(row.violations for row in rows)
+    late, slip, knee = (middle([getattr(row, key) for row in rows]) or 0.0 for key in measured[1:4])
     verdicts += [
         Verdict(f"upright: {upright} of {len(rows)} (all)", upright == len(rows)),
         Verdict(f"knees late, p95: {late:.1f}° (<= {LATE_DEG:g})", late <= LATE_DEG),
         Verdict(f"slip: {slip:.1f} mm/s (<= {SLIPS_MM_S:g})", slip <= SLIPS_MM_S),
         Verdict(f"knee RMS over stall: {knee:.2f} (<= {KNEE:.2f})", knee <= KNEE),
-        Verdict(
-            f"goals outside the envelope: {sum(row.violations for row in rows)} (0)",
-            not any(row.violations for row in rows),
-        ),
+        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
     ]
     if minutes:
         model = load_robot(robot)

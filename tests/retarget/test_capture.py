@@ -162,7 +162,8 @@ def test_no_answer_in_the_air_asks_a_servo_for_a_tenth_more_than_its_no_load_spe
 ) -> None:
     """Went wrong: halfway through a swing a new way had the whole swing's time, and the knee 2.2 times its speed.
 
-    The swings of a fast walk are at .98 of it already, so that answers pass it a little."""
+    The swings of a fast walk are at .98 of it already, so that answers pass it a little.
+    """
     settled = PLAN.steps[number]
     # From the lift on, until the foot is too near to its landing to be moved.
     tick = settled.lift + 1 + round(part * (settled.land - settled.lift - 14))

@@ -11,7 +11,7 @@ OMEGA, SWING, PAUSE, DT = 6.6, 0.4, 0.08, 1e-3
 
 @pytest.mark.parametrize("roll", [0.0, 0.2])
 def test_the_hips_go_as_the_pendulum_of_a_walk_of_many_such_steps(roll: float) -> None:
-    """Went wrong: swings were made for hips that slow down over the foot more than those of plans, whose point rolls."""
+    """Went wrong: swings were made for hips that slow down over the foot more than those of plans do."""
     step = round((SWING + PAUSE) / DT)
     swing = round(SWING / DT)
     rolls = roll * np.linspace(-1.0, 1.0, swing)
