@@ -87,5 +87,7 @@ class Policy:
             raise ConfigError(f"{file}: not a policy of this walk: {error}") from error
         shape = (policy.weights[0].shape[1], policy.weights[-1].shape[0])
         if shape != (SEEN, ACTIONS):
-            raise ConfigError(f"{file}: a policy of {shape[0]} observations, {shape[1]} actions; expected {SEEN}, {ACTIONS}")
+            raise ConfigError(
+                f"{file}: a policy of {shape[0]} observations, {shape[1]} actions; expected {SEEN}, {ACTIONS}"
+            )
         return policy

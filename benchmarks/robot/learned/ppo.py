@@ -114,7 +114,7 @@ class Learner:
                 gain = torch.minimum(ratio * gains[part], clipped * gains[part]).mean()
                 error = (self.critic(inputs[part]).squeeze(-1) - targets[part]).square().mean()
                 self._optimiser.zero_grad()
-                (error - gain).backward()  # type: ignore[no-untyped-call]
+                (error - gain).backward()
                 nn.utils.clip_grad_norm_(self._parameters, 1.0)
                 self._optimiser.step()
                 errors.append(float(error.detach()))

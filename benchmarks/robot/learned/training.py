@@ -28,11 +28,11 @@ WALKS, STEPS = 16, 112
 """Robots, and steps of each between two updates."""
 SHORTEST_S, LONGEST_S = 4.0, 10.0
 """Length of an episode, drawn [s]."""
-SLOWEST, FASTEST, FIRST_FASTEST = 0.1, 0.6, 0.24
+SLOWEST, FASTEST, FIRST_FASTEST = 0.1, 0.7, 0.3
 """Of the speeds asked for: least, most ever, and most at first [m/s]."""
 FASTER, SLOWER = 0.005, 0.002
 UPRIGHT, KEPT = 0.9, 0.9
-"""The greatest speed rises where this share of the fast episodes ends upright, and they keep this share of their speed."""
+"""The greatest speed rises where this share of the fast episodes ends upright, and they keep this share of it."""
 FAST = 0.8
 """An episode is fast from this share of the greatest speed."""
 JUDGED = 32

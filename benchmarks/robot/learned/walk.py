@@ -141,7 +141,7 @@ class Walk:
 
     def _observe(self) -> None:
         """Fill `seen` and `private`."""
-        walker, state, estimator, seen = self.walker, self.walker.state, self.walker.estimator, self.seen
+        state, estimator, seen = self.walker.state, self.walker.estimator, self.seen
         side = -1.0 if self.mirrored else 1.0
         order = slice(None, None, -1) if self.mirrored else slice(None)
         around = 4.0 * math.pi * self.phase
