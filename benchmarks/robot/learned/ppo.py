@@ -27,7 +27,7 @@ EPOCHS, PARTS, CLIP = 5, 4, 0.2
 RATE, LEAST_RATE, MOST_RATE = 3e-4, 5e-5, 1e-3
 DIVERGENCE = 0.012
 """Of the policies before and after an update, that the rate of learning aims at."""
-FIRST_DEVIATION = 0.25
+FIRST_DEVIATION = 0.12
 """Of the noise on actions, of which 1 is a quarter of a radian."""
 
 

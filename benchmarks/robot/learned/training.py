@@ -28,7 +28,7 @@ WALKS, STEPS = 16, 112
 """Robots, and steps of each between two updates."""
 SHORTEST_S, LONGEST_S = 4.0, 10.0
 """Length of an episode, drawn [s]."""
-SLOWEST, FASTEST, FIRST_FASTEST = 0.1, 0.7, 0.3
+SLOWEST, FASTEST, FIRST_FASTEST = 0.1, 0.7, 0.4
 """Of the speeds asked for: least, most ever, and most at first [m/s]."""
 FASTER, SLOWER = 0.005, 0.002
 UPRIGHT, KEPT = 0.9, 0.9

@@ -1,7 +1,7 @@
 """`Walk`: one episode: the robot is to walk ahead at a speed, by a gait and the corrections of a policy.
 
 A policy acts at half the loop's rate, and sees what the loop has: tilt and gyroscope, the turn of the torso that the
-gyroscope adds up, encoders, all as old as the bus makes them. It corrects the gait's leg angles and shoulders, and how
+gyroscope adds up, encoders, the speed over the standing foot, all as old as the bus makes them. It corrects the gait's leg angles and shoulders, and how
 fast the cycle goes on. In the second half of a cycle it sees, and moves, the robot's mirror image: left and right are
 one task. The reward, and what a critic sees besides, may use the true state.
 """
@@ -23,7 +23,7 @@ Float = NDArray[np.float64]
 
 TICKS = 2
 """Ticks of the loop that an action holds: 62.5 Hz."""
-ACTIONS, SEEN, PRIVATE = 15, 52, 12
+ACTIONS, SEEN, PRIVATE = 15, 54, 12
 """Numbers of an action, of an observation, and of what the critic sees besides."""
 REACH = 0.25
 """Angle that an action of 1 adds to a joint [rad]."""
@@ -76,7 +76,8 @@ class Walk:
         self.velocity = np.zeros(2)
         self._position = self.ground.position.copy()
         self._base[:] = self._stand[self._legs]
-        self.walker.read()
+        self._right_share = 0.5
+        self.walker.read(self._right_share)
         self._observe()
 
     @property
@@ -98,11 +99,11 @@ class Walk:
         """Let `TICKS` ticks pass under an action, (ACTIONS,), of which [-1, 1] counts; returns the reward."""
         action = np.clip(action, -1.0, 1.0)
         change = action - self._previous
-        own = _mirrored_action(action) if self.mirrored else action
+        own = mirrored_action(action) if self.mirrored else action
         self._previous[:] = action
         for tick in range(TICKS):
             if tick:
-                self.walker.read()
+                self.walker.read(self._right_share)
             self._correction += SMOOTHING * (own - self._correction)
             self._tick()
             if self.fell:
@@ -110,10 +111,10 @@ class Walk:
         self.ground.update()
         reward = self._reward(change)
         mirrored = self.mirrored
-        self.walker.read()
+        self.walker.read(self._right_share)
         self._observe()
         if self.mirrored != mirrored:
-            self._previous[:] = _mirrored_action(self._previous)
+            self._previous[:] = mirrored_action(self._previous)
             self._observe()
         return reward
 
@@ -129,7 +130,7 @@ class Walk:
         self.phase = (self.phase + pace * self._dt) % 1.0
         angles, slopes, loads = table.at(self.phase, asked)
         blend = min(self.time / BLEND_S, 1.0)
-        self._base[:] = angles
+        self._base[:], self._right_share = angles, float(loads[1])
         angles = angles + table.feedback(loads, walker.estimator.tilt, walker.estimator.tilt_rate)
         angles += REACH * correction[:12].reshape(2, 6)
         q, qd = self._q, self._qd
@@ -154,6 +155,7 @@ class Walk:
         seen[24:36] = 0.2 * side * state.velocity[self._legs][order].ravel()
         seen[36:51] = self._previous
         seen[51] = min(self.time / RAMP_S, 1.0)
+        seen[52], seen[53] = 3.0 * estimator.com_velocity[0], 5.0 * side * estimator.com_velocity[1]
         private, ground = self.private, self.ground
         private[0], private[1] = 5.0 * self.velocity[0], 5.0 * side * self.velocity[1]
         private[2:4] = np.clip(ground.load[order] / 30.0, 0.0, 2.0)
@@ -197,7 +199,7 @@ class Walk:
         )
 
 
-def _mirrored_action(action: Float) -> Float:
+def mirrored_action(action: Float) -> Float:
     """The action of the mirror image, (ACTIONS,): sides change places, and with them the signs of angles."""
     other = np.empty_like(action)
     other[:6], other[6:12] = -action[6:12], -action[:6]
