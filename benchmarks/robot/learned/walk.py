@@ -1,9 +1,9 @@
 """`Walk`: one episode: the robot is to walk ahead at a speed, by a gait and the corrections of a policy.
 
-A policy acts at half the loop's rate, and sees what the loop has: tilt and gyroscope, the turn of the torso that the
-gyroscope adds up, encoders, the speed over the standing foot, all as old as the bus makes them. It corrects the gait's leg angles and shoulders, and how
-fast the cycle goes on. In the second half of a cycle it sees, and moves, the robot's mirror image: left and right are
-one task. The reward, and what a critic sees besides, may use the true state.
+A policy acts at half the loop's rate, and sees what the loop has, all as old as the bus makes it: tilt and gyroscope,
+the turn of the torso that the gyroscope adds up, encoders, and the speed over the standing foot. It corrects the gait's
+leg angles and shoulders, and how fast the cycle goes on. In the second half of a cycle it sees, and moves, the robot's
+mirror image: left and right are one task. The reward, and what a critic sees besides, may use the true state.
 """
 
 from __future__ import annotations
