@@ -7,7 +7,7 @@ the greatest speed up to which, at every speed, 95 % of the runs stay upright. B
 fast as the robot file lets it, and the gait without corrections.
 
 `--train FOLDER` searches the gait (CMA-ES) and then trains the policy (PPO) for the given times, or goes on with what
-is in the folder; the policy is `FOLDER/policy.npz`. It needs the extra `train`.
+is in the folder; the policy is `FOLDER/policy.npz`. It needs the extras `train` and `tune`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,7 +68,14 @@ def run(task: Task, file: Path, robot_name: str) -> Walked:
 
 
 def train(folder: Path, robot_name: str, gait_minutes: float, minutes: float) -> None:
-    """Search a gait, unless the folder has one, and train a policy on it."""
+    """Search a gait, unless the folder has one, and train a policy on it.
+
+    Raises:
+        ConfigError: an extra is missing.
+    """
+    for module, extra in (("torch", "train"), ("cma", "tune")):
+        if find_spec(module) is None:
+            raise ConfigError(f"--train needs the extra {extra!r}: in a clone, pip install '.[{extra}]'")
     import torch
 
     from benchmarks.robot.learned.gait_search import search_gait
