@@ -23,6 +23,9 @@ Float = NDArray[np.float64]
 WIDTH = 128
 DISCOUNT, TRACE = 0.985, 0.95
 """Of a step of 16 ms; `TRACE` is the lambda of generalised advantage estimation."""
+SCALE = 0.05
+"""Of rewards, so that values are of the size of 1: a critic that is far off fills the bound on the gradient, of which
+the actor then gets nothing."""
 EPOCHS, PARTS, CLIP = 5, 4, 0.2
 RATE, LEAST_RATE, MOST_RATE = 3e-4, 5e-5, 1e-3
 DIVERGENCE = 0.012
@@ -89,7 +92,7 @@ class Learner:
             last = batch.broken[step] | (step == steps - 1)
             following = np.where(last, batch.after[step], values[min(step + 1, steps - 1)])
             following = np.where(batch.ended[step], 0.0, following)
-            delta = batch.rewards[step] + DISCOUNT * following - values[step]
+            delta = SCALE * batch.rewards[step] + DISCOUNT * following - values[step]
             running = delta + DISCOUNT * TRACE * np.where(last, 0.0, running)
             advantages[step] = running
         targets = _tensor((advantages + values).ravel())
