@@ -77,6 +77,7 @@ def search_gait(robot: Robot, folder: Path, minutes: float, seed: int) -> Gait:
         state_file.write_bytes(pickle.dumps((search, speed, best)))
         console.print(
             f"generation {generation}: reward {-costs[first]:.3f}, median {-np.median(costs):.3f}, "
-            f"best goes {found[first][2]:.3f} m/s, fourth of both robots {keeps:.3f}; asked next {speed:.2f}"
+            f"best goes {found[first][2]:.3f} m/s, fourth of both robots {keeps:.3f}; asked next {speed:.2f}",
+            soft_wrap=True,
         )
     return Gait.of(np.asarray(best))

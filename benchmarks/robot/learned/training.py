@@ -87,7 +87,8 @@ class Training:
                     f"({self.samples / self.seconds:.0f} steps/s): reward {figures['reward']:.3f}, "
                     f"upright {figures['upright']:.2f}, asked up to {self.fastest:.3f} m/s, "
                     f"keeps {figures['kept']:.2f} of it, noise {figures['noise']:.2f}, "
-                    f"divergence {figures['divergence']:.3f}, explained {figures['explained']:.2f}"
+                    f"divergence {figures['divergence']:.3f}, explained {figures['explained']:.2f}",
+                    soft_wrap=True,
                 )
 
     def _begin_all(self) -> None:
