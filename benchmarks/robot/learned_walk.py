@@ -37,7 +37,7 @@ from flexmotion.configs.robot import load_robot
 
 SHIPPED = Path(__file__).with_name("learned") / "op3.npz"
 """The policy that is measured unless another one is given."""
-SPEEDS = (0.1, 0.2, 0.3, 0.35, 0.4, 0.45, 0.5)
+SPEEDS = (0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55)
 """That are asked for [m/s]."""
 SEED = 5_000
 """First seed of what is reported; training draws its robots anew in every episode, of seeds of its own."""
