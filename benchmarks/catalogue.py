@@ -102,6 +102,12 @@ CATALOGUE = (
     Benchmark("robot/get_up", "6 min", (), "a robot on its front or back does not get up; a goal outside the envelope"),
     Benchmark("robot/steering", "15 min", (), "a fall; a stick that does not move the robot, a STOP without a stand"),
     Benchmark("robot/course", "15 min", (), "in a minute 10 % off the asked way, 5° off the asked heading; a fall"),
+    Benchmark(
+        "robot/learned_walk",
+        "13 min",
+        (),
+        "no faster than plans, feet lifted below 10 mm, a bad goal",
+    ),
     Benchmark("robot/faults", "15 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),
     Benchmark("model/hearing", "5 s", (), "below 97 %, a kind below 85 %, left taken for right; manners below 90 %"),
     Benchmark("model/manners", "5 min", (Need.TRAIN, Need.SET), "below 60 % of samples in the manner asked for"),
