@@ -62,7 +62,7 @@ def test_what_one_foot_reaches_the_other_one_reaches_mirrored(asked: tuple[float
 
 
 def test_a_place_beyond_the_tolerance_is_refused_with_the_nearest_one_and_what_is_in_reach() -> None:
-    message = r"nearest place is \[0.122, 0.095\] m, 7.8 cm from there, .* -0.122 to 0.122 m ahead and 0.094 to 0.145 m"
+    message = r"nearest place is \[0.120, 0.095\] m, 8.0 cm from there, .* -0.120 to 0.120 m ahead and 0.094 to 0.145 m"
     with pytest.raises(ConfigError, match=message):
         PLACES.nearest("left", (0.2, 0.1), 0.0, 0.05, 0.1)
     with pytest.raises(ConfigError, match=r"right foot; the nearest place is \[0.000, -0.094\] m"):
