@@ -53,8 +53,7 @@ class FeetState:
         planted: feet that are to stay where they are, 0 left, 1 right; while there is one no human's step is made.
         placed: where a foot is to be; while there is such a place its step is the only one that is made.
         astride: the feet stay as they have landed, though no human is followed.
-        upright: tick before which no foot lifts: hips and trunk are on their way back from a place of their own, or a
-            push had the robot on the edge of a sole.
+        upright: tick before which no foot lifts: hips and trunk are on their way back from a place of their own.
     """
 
     feet: Float

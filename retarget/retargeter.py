@@ -35,7 +35,6 @@ from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
 from flexmotion.retarget.part_solver import PartSolver
 from flexmotion.retarget.plan import Plan
-from flexmotion.retarget.push_rest import PushRest
 from flexmotion.retarget.restrictions import NO_RESTRICTIONS, Restrictions
 from flexmotion.retarget.resume import BodyMotion, resume_states
 from flexmotion.retarget.schedule import Schedule
@@ -111,7 +110,6 @@ class Retargeter:
         sole = float(robot.sole_half_size[:, 0].min())
         self.walks = WalkPlanner(self.footsteps, absorber, check, self.body, sole, settings.lead_in_s, self.rate)
         self.capture = CaptureSteps(self.gait, self.swings, robot.sole_half_size.min(axis=0), self.omega, self.rate)
-        self.push_rest = PushRest(self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
         self.stiffness = LimbStiffness(robot)
         self.envelope, self.allowed_lag = Envelope.of(robot), allowed_lag(robot)
@@ -175,11 +173,6 @@ class Retargeter:
         """
         steps, moved = self.capture.answer(state.steps.steps(), state.feet, tick, error)
         state.steps, state.dcm = pack_steps(steps, SETTLED_STEPS), state.dcm + moved
-
-    def rest(self, state: RetargetState, tick: int, error: Float) -> None:
-        """Keep a foot down over whose edge a pushed robot leans; arguments of `answer`. See `PushRest`."""
-        steps, until = self.push_rest.answer(state.steps.steps(), state.feet, state.dcm, tick, error)
-        state.steps, state.rests[...] = pack_steps(steps, SETTLED_STEPS), max(float(state.rests), until)
 
     def plan(
         self,

@@ -93,9 +93,6 @@ class RetargetState(Record):
     upright: Float = column("f8")
     """Tick before which no foot lifts, because hips and trunk are at a place of their own, or on their way back;
     infinite while that holds, -infinite where they follow none."""
-    rests: Float = column("f8")
-    """Tick before which no foot lifts and the weight is between the feet, because a push had the robot on the edge of a
-    sole; -infinite where none had."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +133,6 @@ class StateLayout:
         state.tension[...] = state.ease[...] = 1.0
         state.part_until[...], state.part_bound[...] = -np.inf, np.inf
         state.placed[...] = -1.0
-        state.upright[...] = state.rests[...] = -np.inf
+        state.upright[...] = -np.inf
         state.drift[...] = state.asked_tension[...] = np.nan
         return vector

@@ -164,7 +164,7 @@ class WalkPlanner:
         landed = float(state.landed)
         feet = state.feet.copy()
         feet[:, 2] = 0.0
-        placed, upright, rests = float(state.placed[0]), float(state.upright), float(state.rests)
+        placed, upright = float(state.placed[0]), float(state.upright)
         planted = frozenset((0, 1)) if np.isposinf(upright) else frozenset(map(int, np.flatnonzero(state.planted)))
         return FeetState(
             feet=feet,
@@ -176,7 +176,7 @@ class WalkPlanner:
             planted=planted,
             placed=None if placed < 0 else FootGoal(int(placed), *map(float, state.placed[1:])),
             astride=bool(state.astride),
-            upright=max(int(np.ceil(until)) if np.isfinite(until) else 0 for until in (upright, rests)),
+            upright=int(np.ceil(upright)) if np.isfinite(upright) else 0,
         )
 
     def _lay_out(self, state: RetargetState, steps: list[Step], tick: int, view: HumanView | None) -> Walk:
@@ -188,8 +188,7 @@ class WalkPlanner:
         # A head that is to be at a place sways with no human.
         if view is not None and tick >= float(state.upright):
             seconds = view.seconds(ticks[:follow])
-            since = np.minimum(seconds + self._lead_in_s, (ticks[:follow] - float(state.rests)) / self.rate)
-            begun = np.clip(since * self.absorber.omega / _FADE_IN, 0.0, 1.0)
+            begun = np.clip((seconds + self._lead_in_s) * self.absorber.omega / _FADE_IN, 0.0, 1.0)
             quiet = posture.quiet_share(view.window, seconds, begun, len(ticks), SHIFT_S * self.rate)
         schedule = Schedule.of(
             state.feet,

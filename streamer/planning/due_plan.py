@@ -91,7 +91,7 @@ class DuePlan:
             return not (ticket.stops or row.plan_over) or (over and not ticket.source_over)
         if ticket.partial or (self.mirroring is not None and self.mirroring.fresh):
             return True
-        return not ticket.source_over and (self.records.push.calls or self._goes_on(row))
+        return not ticket.source_over and (self.records.push.sway is not None or self._goes_on(row))
 
     def urgent(self, row: TickRow, target: Target) -> bool:
         """Whether somebody waits for a plan: for a stop, or for something new; arguments of `now`."""

@@ -84,13 +84,6 @@ class MadePlans:
         stands = plan.contacts[max(int(row.tick) - plan.start_tick, 0) :].all(axis=1)
         return int(np.argmax(stands)) if stands.any() else 0
 
-    def lifts_in(self, row: TickRow) -> tuple[int, int]:
-        """The foot on the ground that lifts next, and ticks until then, by the plan that plays; 0 and 0: none does."""
-        plan, tick = self.plan(int(row.plan)), int(row.tick)
-        steps = [] if plan is None else plan.steps
-        found = ((step.side, step.lift - tick) for step in steps if step.lift > tick and row.contact_ref[step.side])
-        return next(found, (0, 0))
-
     def start_of(self, row: TickRow, target: int) -> int:
         """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
         plan = self.plan(int(row.plan) if int(row.target) >= target else int(row.pending))

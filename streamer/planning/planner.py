@@ -63,7 +63,6 @@ class Planner:
         restrictions: Restrictions = NO_RESTRICTIONS,
         drift: float = np.nan,
         sway: NDArray[np.float64] | None = None,
-        lean: NDArray[np.float64] | None = None,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
     ) -> Planned:
@@ -78,7 +77,6 @@ class Planner:
             drift: how far the robot has turned beyond its plans, up to a constant [rad]; NaN: not known.
             sway: divergent component of the robot minus that of its plan, which moves the next foothold, (2,) [m];
                 None: none that is to be answered.
-            lean: likewise, where it leads so far outward that the foot there must not lift.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
                 which the plan joins in fact, not before `join`, and the plan that plays until then. None: as given.
@@ -112,8 +110,6 @@ class Planner:
         follow_drift(retargeter.layout.view(state), drift)
         if sway is not None:
             retargeter.answer(retargeter.layout.view(state), join, sway)
-        if lean is not None:
-            retargeter.rest(retargeter.layout.view(state), join, lean)
         plan = retargeter.plan(
             state,
             motion,

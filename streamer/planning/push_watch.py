@@ -1,7 +1,4 @@
-"""`PushWatch`: whether the robot sways as after a push, from the loop's rows.
-
-The next foothold must move, or the foot over whose edge the robot leans must stay down.
-"""
+"""`PushWatch`: whether the robot sways as after a push, so that its next foothold must move, from the loop's rows."""
 
 from __future__ import annotations
 
@@ -10,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.push_rest import LEAN_M, outward
-from flexmotion.retarget.steps import NOTICE_S
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 
@@ -45,31 +40,23 @@ class PushWatch:
     Attributes:
         sway: divergent component of the robot minus that of its plan, (2,) [m], where it is to be answered now; else
             None.
-        lean: likewise, where it leads outward over the foot on the ground that lifts next, whose step is settled.
     """
 
     def __init__(self, rate_hz: float, turns: int = 1) -> None:
         self._turns = turns
         self._every = round(_EVERY_S * rate_hz)
-        self._last, self._seen, self._leant, self._tick = np.zeros(2), 0, 0, -1
+        self._last, self._seen, self._tick = np.zeros(2), 0, -1
         self._doubted = 0  # readings that were not believed, as of the newest row
         self._lifted, self._stood = round(_LIFTED_S * rate_hz), 0
-        self._lands, self._settled = round(_LANDS_S * rate_hz), round(NOTICE_S * rate_hz)
+        self._lands = round(_LANDS_S * rate_hz)
         self.sway: Float | None = None
-        self.lean: Float | None = None
 
-    @property
-    def calls(self) -> bool:
-        """Whether a plan is to answer."""
-        return self.sway is not None or self.lean is not None
-
-    def update(self, row: TickRow, asked_tick: int, lands_in: int, lifts_in: tuple[int, int] = (0, 0)) -> None:
+    def update(self, row: TickRow, asked_tick: int, lands_in: int) -> None:
         """Take account of the newest row; rows in between may be missing.
 
         Args:
             asked_tick: at which the last plan was made.
             lands_in: ticks until the foot in the air lands, by the plan that plays; 0: none is, or it is not known.
-            lifts_in: the foot on the ground that lifts next, and ticks until then; 0 ticks: none does.
         """
         tick = int(row.tick)
         if tick != self._tick:
@@ -77,21 +64,16 @@ class PushWatch:
             if row.contact_ref.all():
                 self._stood = tick
             doubted, self._doubted = int(row.disbelieved) != self._doubted, int(row.disbelieved)
-            size = math.hypot(*error)
-            measured = self._measured(row) and not doubted and size < _MOST_M
-            swayed = measured and size > _LEAST_M and tick - self._stood >= self._lifted
-            side, until = lifts_in
-            leant = measured and 0 < until <= self._settled and outward(error, side, row.foot_ref[side, 3]) > LEAN_M
-            agrees = math.hypot(*(error - self._last)) <= _AGREE_M
-            self._seen = (self._seen * agrees + 1) * swayed
-            self._leant = (self._leant * agrees + 1) * leant
+            swayed = self._measured(row) and not doubted and _LEAST_M < math.hypot(*error) < _MOST_M
+            agrees = self._seen > 0 and math.hypot(*(error - self._last)) <= _AGREE_M
+            self._seen = (self._seen + 1 if agrees else 1) if swayed else 0
             self._last, self._tick = error.copy(), tick
-        ready = tick + 1 >= asked_tick + self._every
-        self.sway = self._last if ready and self._seen >= _ROWS and lands_in >= self._lands else None
-        self.lean = self._last if ready and self._leant >= _ROWS else None
+        ready = self._seen >= _ROWS and lands_in >= self._lands and tick + 1 >= asked_tick + self._every
+        self.sway = self._last if ready else None
 
     def _measured(self, row: TickRow) -> bool:
-        """Whether a robot that walks has just been measured, all of it."""
+        """Whether a robot that walks is in mid-swing, as planned, and all of it has just been measured."""
         streams = int(row.state) == State.STREAMING and not row.hung and not row.must_stop
         known = int(row.imu_stale) == 0 and bool((row.stale < self._turns).all())
-        return bool(streams and known and np.isfinite(row.dcm - row.dcm_ref).all())
+        swings = int(row.tick) - self._stood >= self._lifted
+        return bool(streams and known and swings and np.isfinite(row.dcm - row.dcm_ref).all())

@@ -172,7 +172,7 @@ class Replanner:
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         self._drift.update(row)
-        self.push.update(row, self._due.asked_tick, self.made.lands_in(row), self.made.lifts_in(row))
+        self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
@@ -231,7 +231,6 @@ class Replanner:
                 restrictions=replace(restrictions, placed=self.feet.goal, astride=self.feet.astride),
                 drift=self._drift.value + (0.0 if self._runner is None else self._runner.aside),
                 sway=self.push.sway if kind is Kind.WHOLE else None,
-                lean=self.push.lean if kind is Kind.WHOLE else None,
                 checkpoint=partial(self._check_urgency, kind, target, new, bool(row.must_stop)),
                 settle=None if self._lockstep else settle,
             )

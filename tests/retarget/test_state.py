@@ -13,7 +13,7 @@ LAYOUT = StateLayout(20, 12)
 ORDER = ["feet", "human_feet", "com", "dcm", "com_offset", "position", "velocity", "q", "base", "steps", "consumed"]
 ORDER += ["landed", "stance", "source_tick", "heading", "yaws", "detector", "ease", "drift"]
 ORDER += ["part", "part_from", "part_speed", "part_to", "part_begins", "part_due", "part_until", "part_bound"]
-ORDER += ["planted", "tension", "asked_tension", "placed", "astride", "part_back", "upright", "rests"]
+ORDER += ["planted", "tension", "asked_tension", "placed", "astride", "part_back", "upright"]
 
 
 def test_fields_fill_the_vector_in_the_order_that_logs_were_written_with() -> None:
@@ -21,7 +21,7 @@ def test_fields_fill_the_vector_in_the_order_that_logs_were_written_with() -> No
     read = [np.asarray(value).view(np.float64).ravel() for _, value in LAYOUT.view(vector)]
     assert list(RetargetState.names()) == ORDER
     np.testing.assert_array_equal(np.concatenate(read), vector)
-    assert LAYOUT.size == 194 + SETTLED_STEPS * 11 + 9 * 12 + 3
+    assert LAYOUT.size == 193 + SETTLED_STEPS * 11 + 9 * 12 + 3
 
 
 def test_many_states_are_written_row_by_row_or_where_marked() -> None:

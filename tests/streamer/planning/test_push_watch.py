@@ -1,4 +1,4 @@
-"""When a sway or a lean is answered: of a robot that walks, measured twice, no wrong reading, not too often."""
+"""When a sway is answered: of a robot that walks on one foot, measured twice, no wrong reading, not too often."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from flexmotion.streamer.planning.push_watch import PushWatch
 
 RATE = 125
 SWAY = (0.03, -0.01)
-LEFT, RIGHT = (0.0, 0.05), (0.0, -0.05)
 
 
 def row(tick: int, error: tuple[float, float] = SWAY, **fields: object) -> TickRow:
@@ -30,17 +29,11 @@ def row(tick: int, error: tuple[float, float] = SWAY, **fields: object) -> TickR
     return made
 
 
-def seen(*rows: TickRow, asked_tick: int = 0, lands_in: int = 30, lifts_in: tuple[int, int] = (0, 0)) -> PushWatch:
+def seen(*rows: TickRow, asked_tick: int = 0, lands_in: int = 30) -> PushWatch:
     watch = PushWatch(RATE)
     for one in rows:
-        watch.update(one, asked_tick, lands_in, lifts_in)
+        watch.update(one, asked_tick, lands_in)
     return watch
-
-
-def leaning(error: tuple[float, float], side: int, until: int = 20, yaw: float = 0.0, **fields: object) -> PushWatch:
-    """What is seen of a robot whose foot is about to land, or has; `side` lifts next, in so many ticks."""
-    fields = {"foot_ref": np.full((2, 4), yaw), "contact_ref": (True, True), **fields}
-    return seen(row(100, error, **fields), row(101, error, **fields), lands_in=0, lifts_in=(side, until))
 
 
 def test_a_sway_is_answered_once_two_rows_show_it() -> None:
@@ -117,46 +110,3 @@ def test_single_lies_are_not_followed(lies: list[tuple[float, float]], still: tu
         for tick, error in ((2 * number, lie), (2 * number + 1, still)):
             watch.update(row(tick, error), -100, 30)
             assert watch.sway is None
-
-
-@pytest.mark.parametrize(("error", "side"), [(LEFT, 0), (RIGHT, 1)])
-def test_a_lean_over_the_foot_that_is_to_lift_is_answered_until_it_lifts(error: tuple[float, float], side: int) -> None:
-    """Went wrong: pushed outward before a lift, the robot stood on an edge, and nothing was answered until then."""
-    found = leaning(error, side)
-    assert found.lean is not None and found.sway is None and found.calls
-    np.testing.assert_allclose(found.lean, error)
-    assert leaning(error, side, contact_ref=(side == 0, side == 1)).lean is not None
-
-
-def test_outward_is_seen_from_the_foot() -> None:
-    assert leaning((-0.05, 0.0), 0, yaw=math.pi / 2).lean is not None
-    assert leaning((0.05, 0.0), 0, yaw=math.pi / 2).lean is None
-
-
-@pytest.mark.parametrize(
-    ("error", "side", "until"),
-    [
-        (RIGHT, 0, 20),
-        (LEFT, 1, 20),
-        ((0.05, 0.0), 0, 20),
-        ((0.0, 0.039), 0, 20),
-        ((0.0, 0.16), 0, 20),
-        (LEFT, 0, 0),
-        (LEFT, 0, 32),
-    ],
-)
-def test_a_lean_elsewhere_a_small_one_and_one_with_time_are_left_alone(
-    error: tuple[float, float], side: int, until: int
-) -> None:
-    """A step is settled a quarter of a second before its lift: until then the next plan decides on it anyway."""
-    assert leaning(error, side, until).lean is None
-
-
-@pytest.mark.parametrize("fields", [{"state": State.HOLD}, {"must_stop": True}, {"hung": True}, {"imu_stale": 1}])
-def test_a_lean_needs_a_robot_that_walks_and_is_measured(fields: dict[str, Any]) -> None:
-    assert leaning(LEFT, 0, **fields).lean is None
-
-
-def test_one_row_that_leans_is_no_lean() -> None:
-    ticks = [row(tick, error, foot_ref=np.zeros((2, 4))) for tick, error in ((100, LEFT), (101, SWAY), (102, LEFT))]
-    assert seen(*ticks, lifts_in=(0, 20)).lean is None

@@ -119,43 +119,6 @@ def test_a_push_of_a_robot_on_one_foot_is_answered_before_the_next_plan_is_due(
     assert not bench.replanner.step(113)  # not while one waits
 
 
-def test_a_robot_that_leans_over_the_foot_that_is_to_lift_has_a_plan_that_keeps_it_down(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Went wrong: pushed with both feet down, a robot had no plan before its foot lifted from the edge it stood on."""
-    asked: list[Any] = []
-    rest = bench.planner.retargeter.rest
-    monkeypatch.setattr(bench.planner.retargeter, "rest", lambda *given: (asked.append(given), rest(*given)))
-    monkeypatch.setattr(bench.replanner.made, "lifts_in", lambda _row: (0, 20))
-    leans = {"state": State.STREAMING, "plan": 1, "contact_ref": (True, True), "dcm_ref": (0.0, 0.0)}
-    leans["foot_ref"] = np.zeros((2, 4))
-    bench.first()
-    bench.publish_row(110, **leans, dcm=(0.0, 0.05))
-    assert not bench.replanner.step(111)
-    bench.publish_row(111, **leans, dcm=(0.0, 0.05))
-    assert bench.replanner.step(112)
-    (_, join, error), *others = asked
-    assert join == 112 + LEAD and not others
-    np.testing.assert_allclose(error, (0.0, 0.05))
-
-
-def test_the_foot_that_lifts_next_is_known_from_the_plan_that_plays(bench: Bench) -> None:
-    bench.targets.send(Clip("walk"))
-    bench.first()
-    plan = bench.replanner.made.plan(1)
-    assert plan is not None
-    first = plan.steps[0]
-    for tick, contacts, expected in (
-        (first.lift - 9, (True, True), (first.side, 9)),
-        (first.lift - 9, (first.side == 1, first.side == 0), (0, 0)),
-        (first.lift + 2, (first.side == 1, first.side == 0), (0, 0)),
-        (plan.end_tick + 9, (True, True), (0, 0)),
-    ):
-        bench.publish_row(tick, state=State.STREAMING, plan=1, contact_ref=contacts)
-        row = bench.replanner._newest_row()
-        assert row is not None and bench.replanner.made.lifts_in(row) == expected
-
-
 def test_a_robot_that_is_frozen_on_one_foot_is_watched_past_the_end_of_its_plan(bench: Bench) -> None:
     """Went wrong: no row of the plan was left, the planner ended, and the held robot parked on one leg after 2 s."""
     bench.first()
