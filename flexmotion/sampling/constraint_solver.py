@@ -19,15 +19,17 @@ from scipy.linalg import cho_factor, cho_solve
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraint_layout import (
+    BLOCKS,
     CENTRES,
     FORCES,
+    PATH,
     PLACES,
     ROTATIONS,
     TORQUE_LIMITS,
     TORQUES,
     ConstraintLayout,
 )
-from flexmotion.features.constraints import Constraints
+from flexmotion.features.constraints import Constraints, end_mean
 from flexmotion.features.decode import Anchor
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE
 from flexmotion.features.layout import POINTS, Layout
@@ -62,6 +64,11 @@ DAMPING, FAR = 1.0, 0.1
 74, 2005): far from it, undamped steps go beyond where the derivatives hold. Over ten held-out clips three steps left a
 hand 1.5 cm off with it, 3.4 without, and sixteen points at four keyframes 1.4 cm, 7.9 without. Derivatives of torques
 are rough: more torques than the latent has numbers are damped by as many times more, lest they outweigh it."""
+
+
+MEAN_TOLERANCES = (0.01, 0.01, 0.01, 0.005)
+"""Errors of means of the path that count as one standard deviation of a latent, as `constraint_layout.TOLERANCES`. A
+heading comes before a place, which is farther off where balance shifts the path: with .01 a walk back turned by 9°."""
 
 
 def check(constraints: Constraints, bundle: Bundle, balanced: bool, *, branch: bool) -> None:
@@ -131,7 +138,7 @@ class ConstraintSolver:
         left = rows.columns[~closable(constraints, (ARM,))[rows.columns]]
         exact = bool(draft.balanced and len(left)) or self._moves_legs(left)
         before = bool(len(left)) and not rows.of_forces
-        for step in range(steps + before if steps and len(rows.columns) else 0):
+        for step in range(steps + before if steps and rows.count else 0):
             last = step == steps + before - 1
             if last and (steps > 1 or exact and step):
                 decoded, found = change, decode(latent + change)
@@ -145,7 +152,8 @@ class ConstraintSolver:
             else:
                 window = None
                 pose, holding = draft.sketched(features)
-                if not step and not len(left) and within_arms(pose, constraints, ARMS_CLOSE):
+                arms_do = not step and not len(left) and within_arms(pose, constraints, ARMS_CLOSE)
+                if arms_do and bool((np.abs(self._missing_means(rows, pose)) < 1.0).all()):
                     break
             jacobian, residual = self._linear(rows, self._tangent.at(pose, holding), pose, window, draft.anchor)
             change = (change + solved(jacobian, residual, rows.of_torques)).astype(np.float32)
@@ -158,7 +166,18 @@ class ConstraintSolver:
     def _linear(
         self, rows: _Rows, changes: WindowChange, pose: WindowPose, window: Motion | None, anchor: Anchor
     ) -> tuple[Float32, Float32]:
-        """Derivatives, (R, L), and residuals, (R,), of what is asked, over their tolerances."""
+        """Derivatives, (R, L), and residuals, (R,), of what is asked, over their tolerances: of frames, of means."""
+        jacobian, residual = self._of_frames(rows, changes, pose, window, anchor)
+        if not len(rows.means):
+            return jacobian, residual
+        means = (rows.weights / rows.tolerances[:, None]) @ end_mean(changes.path)
+        missing = np.append(residual, self._missing_means(rows, pose))
+        return np.concatenate([jacobian, means.astype(np.float32)]), missing
+
+    def _of_frames(
+        self, rows: _Rows, changes: WindowChange, pose: WindowPose, window: Motion | None, anchor: Anchor
+    ) -> tuple[Float32, Float32]:
+        """Those of what is asked of single frames."""
         frames, columns, weight = rows.frames, rows.columns, self._weight[rows.columns]
         jacobian = changes.jacobian(self._constraints, frames, columns)
         if not rows.of_forces or window is None:
@@ -184,6 +203,11 @@ class ConstraintSolver:
                 jacobian[own & (np.abs(values) < HELD * rows.asked)] = 0.0
         return _over(weight, jacobian, missing)
 
+    def _missing_means(self, rows: _Rows, pose: WindowPose) -> Float32:
+        """What the window lacks of the means that are asked of its path, over their tolerances."""
+        path = pose.values(self._constraints, False)[:, self._constraints.blocks[PATH]]
+        return np.asarray((rows.means - rows.weights @ end_mean(path)) / rows.tolerances, np.float32)
+
     def _travelled(self, change: Float32) -> Float32:
         return self._tangent.travel(change, self._layout)
 
@@ -200,24 +224,30 @@ class ConstraintSolver:
         frames, columns = np.nonzero(constraints.mask & known)
         rotations, asked, limits = (layout.blocks[name] for name in (ROTATIONS, TORQUES, TORQUE_LIMITS))
         forces = slice(asked.start, layout.blocks[FORCES].stop)
+        of_torques = (columns >= asked.start) & (columns < limits.stop)
+        weights = np.array([mean.weights for mean in constraints.means]).reshape(-1, BLOCKS[PATH])
         return _Rows(
             frames=frames,
             columns=columns,
             asked=constraints.values[frames, columns],
             of_rotations=bool(((columns >= rotations.start) & (columns < rotations.stop)).any()),
             of_forces=bool(((columns >= forces.start) & (columns < forces.stop)).any()),
-            of_torques=(columns >= asked.start) & (columns < limits.stop),
+            of_torques=np.append(of_torques, np.zeros(len(constraints.means), np.bool_)),
+            weights=weights,
+            tolerances=np.linalg.norm(weights * MEAN_TOLERANCES, axis=1),
+            means=np.array([mean.value for mean in constraints.means]),
         )
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Asked values.
+    """Asked values: R of single frames, then M means.
 
     Attributes:
-        frames, columns, asked: of each, with its value, (R,).
+        frames, columns, asked: of each of a frame, with its value, (R,).
         of_rotations, of_forces: whether any is of rotations; of torques, their limits or ground forces.
-        of_torques: which are of torques or their limits, (R,).
+        of_torques: which are of torques or their limits, (R + M,).
+        weights, means, tolerances: of the columns of the block `PATH`, (M, 4), with their values, (M,).
     """
 
     frames: NDArray[np.intp]
@@ -226,6 +256,14 @@ class _Rows:
     of_rotations: bool
     of_forces: bool
     of_torques: NDArray[np.bool_]
+    weights: Float
+    means: Float
+    tolerances: Float
+
+    @property
+    def count(self) -> int:
+        """Values, R + M."""
+        return len(self.of_torques)
 
 
 def _over(weight: Float, jacobian: Float32, missing: Float) -> tuple[Float32, Float32]:

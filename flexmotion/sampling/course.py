@@ -1,8 +1,8 @@
 """`Course`: keeps what is asked without a turn straight, and who stands in place, by what each window is asked for.
 
 A model's windows are right each by itself; small errors of their turning and place add up over minutes. The course
-remembers heading and place, and asks the next window for the velocity that makes up for what the last ones are off:
-feedback through the model's own input, so that the motion remains one that the model makes.
+remembers heading and place, and asks the next window for a mean heading, and for a mean place on its line, beside the
+words (`Constraints.mean_heading`, `mean_place`): the motion remains one that the model makes.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.features.constraints import Constraints, end_mean
+from flexmotion.features.decode import Anchor
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
 from flexmotion.spatial.heading import continuous_heading, wrapped
@@ -24,17 +26,16 @@ MEASURED_S = 32 / 30
 """Heading, place and velocity are means over this time, about one gait cycle: a walking pelvis turns by 5° to each
 side within it [s]."""
 
-PROPORTIONAL, INTEGRAL, DAMPING = 0.8, 0.12, 1.0
-"""Share of the heading's error, and of the sum of the errors of all windows, that one window is to make up for. The
-measured heading is half a window old and the model does about what it is asked for: with the whole error in every
-window the loop would be at the limit of stability, with half of it its error falls to a third in four windows."""
+MOST_TURNED, MOST_ASIDE = np.radians(20.0), 0.1
+"""Greatest change of heading, and way to its line, that one window is asked for [rad, m]: a step aside of who walks. Of
+.2 m and more the walk's heading suffers (2 to 4.5°)."""
 
-MOST_TURNING = 0.35
-"""Greatest correction of turning [rad/s]."""
+MOST_LATER = 0.2
+"""Greatest difference of the mean headings of the end of a gait cycle and of all of it that is a pelvis's own [rad]."""
 
-STEERED, AHEAD = np.radians(2.0), 2.0
-"""A path beside its line is led back by turning the heading up to the first [rad], fully where it is off by about the
-second times that [m] (line-of-sight guidance: Fossen, Handbook of Marine Craft Hydrodynamics, 2011, 12.3)."""
+SUMMED, MOST_SUM = 0.3, 1.0
+"""Share of the sum of the ways to its line of a walk sideways that is asked for on top, and the most of that sum [m]: a
+model that walks ahead meanwhile does so in every window."""
 
 CATCHING_UP, FASTER = 0.1, 0.4
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
@@ -65,9 +66,9 @@ class Course:
         settled: whether the heading can be taken from the motion; it cannot right after a turn.
         place: point of the line to walk along, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
-        summed: sum of the heading's errors [rad].
+        rested: whether who stands came to rest, at its place.
+        aside: sum of the ways to the line that a walk sideways was off it [m].
         slow: sum of what the speed lacked [m/s].
-        last: heading before the last window [rad]; None: not measured.
         request: what it is followed for.
     """
 
@@ -75,13 +76,19 @@ class Course:
     settled: bool = True
     place: tuple[float, float] = (0.0, 0.0)
     direction: float | None = None
-    summed: float = 0.0
+    rested: bool = False
+    aside: float = 0.0
     slow: float = 0.0
-    last: float | None = None
     request: Condition | None = None
 
     def followed(
-        self, request: Condition, own: Velocity | None, past: Motion, seconds: float, noise: float = 1.0
+        self,
+        request: Condition,
+        own: Velocity | None,
+        past: Motion,
+        seconds: float,
+        free: Constraints,
+        noise: float = 1.0,
     ) -> tuple[Course, Condition]:
         """The course after the next window, and what that window is to be asked for.
 
@@ -91,62 +98,78 @@ class Course:
                 unknown.
             past: the motion so far, at least `MEASURED_S` of it where it is that long.
             seconds: length of a window.
-            noise: of windows on a course, relative to others: what one window turns by chance, no feedback takes back.
+            free: constraints of the model that ask for nothing.
+            noise: of windows that are asked for a velocity, relative to others: with less of it their speed is nearer.
         """
         if own is not None and own[2]:
             return Course(settled=False), request
         if not self.settled:
             return Course(), request
         measured = _Measured.of(past)
-        known = own is not None
-        if own is None:
-            own = (*measured.velocity, 0.0) if measured.speed > TRAVELLING else (0.0, 0.0, 0.0)
-        direction = atan2(own[1], own[0]) if hypot(own[0], own[1]) > 0 else None
-        course = self._on(request, direction, measured)
-        assert course.heading is not None
-        across = course._across(measured) if direction is not None else 0.0
-        error = wrapped(course.heading - measured.heading)
-        steered = wrapped(error - float(np.clip(across / AHEAD, -STEERED, STEERED)))
+        # Words of an unknown speed go at the one that is measured.
+        going = own[:2] if own is not None else measured.velocity if measured.speed > TRAVELLING else (0.0, 0.0)
+        direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
+        course, heading = self._on(request, direction, measured)
+        error = wrapped(heading - measured.heading)
         away = course._away(measured) if direction is None else np.zeros(2)
-        if not known and abs(error) < BAND and float(np.hypot(*away)) < NEAR:
+        if own is None and direction is None and abs(error) < BAND and float(np.hypot(*away)) < NEAR:
             return course, request
-        most = MOST_TURNING * seconds / INTEGRAL  # the sum alone never asks for more
-        course = replace(course, summed=float(np.clip(course.summed + steered, -most, most)))
-        turned = 0.0 if self.last is None else wrapped(measured.heading - self.last)
-        course = replace(course, last=measured.heading)
-        turning = (PROPORTIONAL * steered + INTEGRAL * course.summed - DAMPING * turned) / seconds
-        back = RETURNED * away / seconds
-        back = back * min(1.0, FASTEST_RETURN / max(float(np.hypot(*back)), 1e-9))
-        turning = float(np.clip(turning, -MOST_TURNING, MOST_TURNING))
-        request = replace(request, noise=noise)
-        if direction is not None and abs(own[1]) > abs(own[0]):
-            # Sideways models are slow whatever they are asked for: only ahead of its line or behind is made up for.
-            ahead = float(np.clip(RETURNED * across / seconds, -FASTER, FASTER))
-            back = ahead * np.array([sin(direction), -cos(direction)])
-        elif known and direction is not None:
-            along = float(np.dot(measured.velocity, (cos(direction), sin(direction))))
-            most = FASTER / CATCHING_UP
-            slow = float(np.clip(course.slow + hypot(own[0], own[1]) - along, -most, most))
-            course = replace(course, slow=slow)
-            back = back + CATCHING_UP * slow * np.array([cos(direction), sin(direction)])
-        return course, replace(request, asked=(own[0] + float(back[0]), own[1] + float(back[1]), turning))
+        turned, anchor = float(np.clip(error, -MOST_TURNED, MOST_TURNED)), Anchor.after(past)
+        asked = free if request.constraints is None else request.constraints
+        asked = asked.mean_heading(wrapped(measured.heading + turned + measured.later - anchor.yaw))
+        more = np.zeros(2)
+        if direction is None:
+            # Who is asked for another place of its pelvis leans there; asked for a velocity, it steps.
+            more = RETURNED * away / seconds
+            more = more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
+        else:
+            sideways = abs(going[1]) > abs(going[0])
+            course, line = course._led(measured, sideways=sideways)
+            place = anchor.local(np.array([[*line, 0.0]]))[0, :2]
+            asked = asked.mean_place(place, heading + direction - anchor.yaw)
+            # Sideways models are slow whatever they are asked for, and walk ahead where they are asked for more.
+            if own is not None and not sideways:
+                course, more = course._sped(measured, hypot(*going))
+        velocity = (going[0] + float(more[0]), going[1] + float(more[1]), turned / seconds)
+        return course, replace(request, asked=velocity, noise=noise, constraints=asked)
 
-    def _on(self, request: Condition, direction: float | None, measured: _Measured) -> Course:
-        """The course for a request: the line of another one begins here, the heading stays."""
-        course = self
-        if course.heading is None or abs(wrapped(course.heading - measured.heading)) > LOST:
-            course = Course(heading=measured.heading)
+    def _sped(self, measured: _Measured, speed: float) -> tuple[Course, Float]:
+        """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]."""
+        assert self.direction is not None
+        ahead, most = np.array([cos(self.direction), sin(self.direction)]), FASTER / CATCHING_UP
+        slow = float(np.clip(self.slow + speed - ahead @ measured.velocity, -most, most))
+        return replace(self, slow=slow), CATCHING_UP * slow * ahead
+
+    def _led(self, measured: _Measured, *, sideways: bool) -> tuple[Course, Float]:
+        """The course, and a place of the line that the next window is to be on, (2,) [m]."""
+        assert self.heading is not None and self.direction is not None
+        angle = self.heading + self.direction
+        left = np.array([-sin(angle), cos(angle)])
+        across = float(left @ np.subtract(measured.place, self.place))
+        step, course = float(np.clip(across, -MOST_ASIDE, MOST_ASIDE)), self
+        if sideways:
+            aside = float(np.clip(self.aside + step, -MOST_SUM, MOST_SUM))
+            course, step = replace(self, aside=aside), step + SUMMED * aside
+        return course, np.asarray(measured.place) - step * left
+
+    def _on(self, request: Condition, direction: float | None, measured: _Measured) -> tuple[Course, float]:
+        """The course for a request, and its heading: the line of another one begins here, the heading stays."""
+        course, heading = self, self.heading
+        if heading is None or abs(wrapped(heading - measured.heading)) > LOST:
+            heading = measured.heading
+            course = Course(heading=heading)
         travels = direction is not None
         same = course.request == request and travels == (course.direction is not None)
         if not same and self._goes_on(request):
-            # At another speed: what the turning needs stays, and the line where its direction does.
-            place = course.place if direction == course.direction else measured.place
-            course = replace(course, place=place, slow=0.0, request=request)
+            # At another speed the line stays where its direction does.
+            keeps = direction == course.direction
+            place, aside = (course.place, course.aside) if keeps else (measured.place, 0.0)
+            course = replace(course, place=place, aside=aside, slow=0.0, request=request)
         elif not same:
-            course = replace(course, place=measured.place, summed=0.0, slow=0.0, request=request)
-        elif not travels and measured.speed > RESTING:
-            course = replace(course, place=measured.place)
-        return replace(course, direction=direction)
+            course = replace(course, place=measured.place, rested=False, aside=0.0, slow=0.0, request=request)
+        if not travels and not course.rested:
+            course = replace(course, place=measured.place, rested=measured.speed <= RESTING)
+        return replace(course, direction=direction), heading
 
     def _goes_on(self, request: Condition) -> bool:
         """Whether a request is the one before at another velocity."""
@@ -154,13 +177,6 @@ class Course:
         if before is None or before.velocity is None or request.velocity is None:
             return False
         return replace(before, velocity=None, pace=None) == replace(request, velocity=None, pace=None)
-
-    def _across(self, measured: _Measured) -> float:
-        """Distance to the left of the line [m]."""
-        assert self.heading is not None and self.direction is not None
-        angle = self.heading + self.direction
-        x, y = np.subtract(measured.place, self.place)
-        return float(-sin(angle) * x + cos(angle) * y)
 
     def _away(self, measured: _Measured) -> Float:
         """From the body to its place, in its own heading, (2,) [m]."""
@@ -171,22 +187,30 @@ class Course:
 
 @dataclass(frozen=True)
 class _Measured:
-    """Means over the last `MEASURED_S`: heading [rad], place [m], velocity in the own heading [m/s]."""
+    """Means over the last `MEASURED_S`: heading [rad], place [m], velocity in the own heading [m/s].
+
+    Attributes:
+        later: how far the heading of the end of that time is from that of all of it [rad]: the pelvis turns with each
+            step, and a window is asked for the mean of its end.
+    """
 
     heading: float
+    later: float
     place: tuple[float, float]
     velocity: tuple[float, float]
 
     @classmethod
     def of(cls, past: Motion) -> _Measured:
         last = past[max(0, len(past) - round(MEASURED_S * past.fps)) :]
-        heading = float(continuous_heading(last.root_quaternion).mean())
+        headings = continuous_heading(last.root_quaternion)
+        heading = float(headings.mean())
+        later = float(np.clip(end_mean(headings) - heading, -MOST_LATER, MOST_LATER))
         x, y = (float(value) for value in last.root_position[:, :2].mean(axis=0))
         moved = last.root_position[-1, :2] - last.root_position[0, :2]
         along = moved * last.fps / max(len(last) - 1, 1)
         c, s = cos(heading), sin(heading)
         velocity = (float(c * along[0] + s * along[1]), float(-s * along[0] + c * along[1]))
-        return cls(heading, (x, y), velocity)
+        return cls(heading, later, (x, y), velocity)
 
     @property
     def speed(self) -> float:

@@ -12,6 +12,7 @@ from onnxruntime import InferenceSession
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.configs.errors import ConfigError
+from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.inertialise import inertialised
@@ -99,6 +100,11 @@ class Sampler:
         """Frames per second of history and samples."""
         return self.layout.fps
 
+    @cached_property
+    def free(self) -> Constraints:
+        """Constraints of a window that ask for nothing."""
+        return Constraints.none(self.layout, self.body, self.future)
+
     @property
     def name(self) -> str:
         """Name of the bundle."""
@@ -171,13 +177,17 @@ class Sampler:
 
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
         """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
-        rests = condition.constrained is None and self.requests.stands(self.meant(condition))
+        free = condition.constrained is None or not condition.constrained.of_frames
+        rests = free and self.requests.stands(self.meant(condition))
         rest = self._rest if rests else None
         return Draft(self.layout, self.body, history, remembered, self.balanced, rest, self._source)
 
+    def prepare(self) -> None:
+        """Make now what the first window with constraints needs: a live planner has no time for that."""
+        _ = self._solver
+
     @cached_property
     def _solver(self) -> ConstraintSolver:
-        """Made on first use."""
         return ConstraintSolver(self.layout, tangent_of(self.bundle, self._decode))
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
@@ -230,7 +240,8 @@ class Sampler:
     def _estimate(self, condition: Condition, scale: float, manner_scale: float) -> Float32:
         """The network's estimate of the clean latent from its inputs, (1, L)."""
         asked, manner = condition.constrained, self.requests.manner(condition)
-        branch = None if asked is None else self.bundle.control(manner)
+        # The branch was trained on what is asked of frames; means are left to the corrections.
+        branch = None if asked is None or not asked.of_frames else self.bundle.control(manner)
         if asked is not None and branch is not None:
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
             return run(self._controlled(branch), branch, self._inputs | values)

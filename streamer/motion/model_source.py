@@ -74,7 +74,9 @@ class ModelSource:
         straight: bool = True,
     ) -> None:
         self.sampler, self.items, self.name, self.seed, self.pace = sampler, tuple(items), name, seed, pace
-        self.straight = straight
+        self.straight = straight and sampler.follows_velocity
+        if self.straight:
+            sampler.prepare()
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
@@ -332,7 +334,7 @@ class ModelSource:
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""
         condition = self.sampler.meant(self.condition(intent))
-        if not self.straight or not self.sampler.follows_velocity:
+        if not self.straight:
             return condition
         # What was sampled after a cut is forgotten, and so is what it was asked for.
         self._courses = [(at, course) for at, course in self._courses if at < begin]
@@ -341,7 +343,7 @@ class ModelSource:
         seconds = self.sampler.future / self.fps
         sampler = self.sampler
         own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
-        course, asked = course.followed(condition, own, past, seconds, noise)
+        course, asked = course.followed(condition, own, past, seconds, sampler.free, noise)
         self._courses.append((begin, course))
         return asked
 

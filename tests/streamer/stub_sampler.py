@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.layout import Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
@@ -38,8 +40,13 @@ class StubSampler:
         self.fps, self.history, self.future, self.remembers, self.unsettled = 30.0, 8, 32, 10, 6
         self.name, self.follows_velocity, self.body = "stub", follows_velocity, Body()
         self.requests, self.travelling_noise, self.kinds = self, 1.0, ("stand", "walk")
+        self.free = Constraints.none(Layout(self.fps), self.body, self.future)
+        self.prepared = False
         self.asked: list[Asked] = []
         self.read: list[str] = []
+
+    def prepare(self) -> None:
+        self.prepared = True
 
     def standing(self, after: Motion | None = None) -> Motion:
         place, yaw = np.zeros(2), 0.0

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.features.constraint_layout import CENTRES, FORCES, PATH, PLACES, ConstraintLayout, window_values
-from flexmotion.features.constraints import Constraints
+from flexmotion.features.constraints import Constraints, end_mean
 from flexmotion.features.decode import Anchor
 from flexmotion.features.encode import encode
 from flexmotion.features.joint_groups import ball_angles, matrix
@@ -71,6 +71,23 @@ def test_what_is_asked_is_stored_in_units_of_the_human(nothing: Constraints) -> 
     assert asked.mask[[3, 5], first : first + 3].tolist() == [[True, True, False], [True, True, True]]
     assert asked.mask.sum() == 6 and asked.values[7, asked.layout.blocks[PATH]][3] == 0.5
     assert asked.asked and not nothing.asked  # what was asked before is unchanged
+
+
+def test_a_mean_place_is_a_point_or_a_line(nothing: Constraints) -> None:
+    leg = nothing.body.leg
+    point = nothing.mean_place([0.3, -0.2])
+    assert [mean.value * leg for mean in point.means] == pytest.approx([0.3, -0.2])
+    (line,) = nothing.mean_place([5.0, 0.4], direction=0.0).means  # along x: only the distance to the left counts
+    assert line.weights == pytest.approx((0.0, 1.0, 0.0, 0.0)) and line.value * leg == pytest.approx(0.4)
+    assert point.asked and not point.of_frames and not nothing.asked
+    with pytest.raises(ValueError, match=r"place has shape \(3,\), expected \(2,\)"):
+        nothing.mean_place([0.0, 0.0, 1.0])
+
+
+def test_a_mean_at_the_end_leaves_out_how_a_window_begins() -> None:
+    values = np.concatenate([np.full(8, 100.0), np.full(24, 2.0)])
+    assert end_mean(values) == 2.0
+    assert end_mean(np.column_stack([values, 2 * values])).tolist() == [2.0, 4.0]
 
 
 def test_angles_of_a_ball_joint_are_its_rotation(nothing: Constraints) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from flexmotion.biomechanics.muscle_arms import MuscleArms
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.features.constraints import Constraints
+from flexmotion.features.constraints import Constraints, end_mean
 from flexmotion.features.decode import Anchor
 from flexmotion.features.layout import POINTS
 from flexmotion.human.concatenate import concatenate
@@ -77,6 +77,54 @@ def test_more_corrections_bring_a_whole_path_nearer(
         errors.append(np.linalg.norm(found - bent, axis=1).mean())
     assert errors[2] < errors[1] < errors[0]
     assert errors[2] < 0.02 < 0.05 < errors[0]
+
+
+def test_a_mean_heading_is_kept_and_the_pelvis_turns_with_its_steps(
+    sampler: Sampler, past: Motion, nothing: Constraints
+) -> None:
+    """Asked of every frame, a heading takes away the turning of each step."""
+    anchor, words = Anchor.after(past), Condition("walk forward")
+
+    def headings(asked: Constraints | None) -> np.ndarray:
+        window = sampler.sample(past, replace(words, constraints=asked), 5)
+        return np.asarray(WindowPose.of(window, anchor).yaw)
+
+    plain = headings(None)
+    wanted = float(end_mean(plain)) + 0.15
+    means, frames = headings(nothing.mean_heading(wanted)), headings(nothing.path(slice(None), heading=wanted))
+    assert end_mean(means) == pytest.approx(wanted, abs=0.02)
+    turning = [np.ptp(np.diff(yaw[-24:])) for yaw in (plain, means, frames)]
+    assert turning[1] > 0.6 * turning[0] > turning[2]
+
+
+def test_a_mean_place_is_on_its_line(sampler: Sampler, past: Motion, nothing: Constraints) -> None:
+    anchor = Anchor.after(past)
+    plain = anchor.local(sampler.sample(past, Condition("walk forward"), 5).root_position)
+    asked = nothing.mean_place([0.0, end_mean(plain)[1] + 0.1], direction=0.0)
+    found = anchor.local(sampler.sample(past, Condition("walk forward", constraints=asked), 5).root_position)
+    assert end_mean(found)[1] - end_mean(plain)[1] == pytest.approx(0.1, abs=0.03)
+    assert abs(end_mean(found)[0] - end_mean(plain)[0]) < 0.1
+
+
+def test_means_are_left_to_corrections_and_the_upper_body_to_its_rest(
+    sampler: Sampler, nothing: Constraints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A branch was trained on what is asked of frames; and who stands straight was no longer led to a pose of rest."""
+    monkeypatch.setattr(sampler, "_controlled", lambda path: pytest.fail("the branch was used"))
+    past = sampler.standing()
+    plain = sampler.sample(past, Condition(), 5)
+    found = sampler.sample(past, Condition(constraints=nothing.mean_heading(0.05)), 5)
+    arms = [JOINTS.index(f"shoulder_flexion_{side}") for side in "lr"]
+    assert np.abs(found.joints[-1, arms] - plain.joints[-1, arms]).max() < 0.02
+
+
+def test_a_window_that_keeps_its_means_already_is_not_changed(
+    sampler: Sampler, past: Motion, nothing: Constraints
+) -> None:
+    plain = sampler.sample(past, Condition("walk forward"), 5)
+    heading = float(end_mean(WindowPose.of(plain, Anchor.after(past)).yaw))
+    found = sampler.sample(past, Condition("walk forward", constraints=nothing.mean_heading(heading)), 5)
+    assert np.array_equal(found.joints, plain.joints)
 
 
 def test_balanced_windows_keep_their_constraints_as_they_are_delivered(

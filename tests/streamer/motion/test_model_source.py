@@ -43,6 +43,14 @@ def test_it_is_live_and_a_performance() -> None:
     assert isinstance(source(), LiveSource) and isinstance(source(), Performance)
 
 
+@pytest.mark.parametrize("straight", [True, False])
+def test_what_a_course_needs_is_made_before_the_run(straight: bool) -> None:
+    """A sampler made its derivatives for the first window that was asked to be straight: .2 s of the first plan."""
+    stub = StubSampler()
+    source(sampler=stub, straight=straight)
+    assert stub.prepared is straight
+
+
 def test_a_new_window_repeats_the_frames_and_adds_more() -> None:
     it = source()
     first = it.window(0, 40)
