@@ -121,10 +121,11 @@ def _pace(robot: Robot) -> str:
     pace = robot.gait.pace
     if pace is None:
         return "Pace unknown (gait.pace): generated motion is not slowed for this robot"
+    reached = "" if pace.reached is None else f" (the robot makes {pace.reached:g} of it, as measured)"
     return (
-        f"Generated motion is slowed to this robot's pace: {pace.ahead:g} m/s ahead, {pace.back:g} back, "
-        f"{pace.aside:g} aside, turning {pace.turning:g} rad/s"
-        + ("" if pace.reached is None else f". It walks at {pace.reached:g} m/s at most")
+        f"A motion model is asked for this robot's pace at most: {pace.ahead:g} m/s ahead{reached}, "
+        f"{pace.back:g} back, {pace.aside:g} aside, turning {pace.turning:g} rad/s. "
+        "Where it has one speed, as the shipped model backward, it goes at that, and a note says so"
     )
 
 

@@ -117,7 +117,7 @@ class Heard(BaseModel):
         moved: place, direction or angle that it was moved to; None: not moved.
         dropped: parts that are not done.
         reason: why it is refused, or stands still.
-        notes: what was taken for words that say no number.
+        notes: what was taken for words that say no number, and what else there is to know of how it is done.
         steps: its requests; empty where it is refused.
         holds: what holds from then on; None: it is for the whole body, or lets something go.
         there: of a part, once it is there: how far it is from its place as measured, in words.

@@ -47,13 +47,24 @@ class Hearing:
     def __init__(self, model: Model, pace: Pace | None, seconds: Callable[[Clip], float] | None = None) -> None:
         self.model, self.pace, self.speeds, self.seconds = model, pace, Speeds(model, pace), seconds
 
-    def __call__(self, intent: Intent, under_way: Program | None = None, last: Program | None = None) -> Program:
+    def __call__(
+        self, intent: Intent, under_way: Program | None = None, last: Program | None = None, *, live: bool = False
+    ) -> Program:
         """The program of an intent.
 
         Args:
             under_way: what the robot does now, for "faster" and the like; None: it stands.
             last: what "again" repeats; None: nothing yet.
+            live: whether it is a target's; else a script's.
         """
+        program = self._program(intent, under_way, last, live)
+        if program.heard.state == "refused":
+            return program
+        told = dict.fromkeys(self.speeds.one_speed(step, live) for step in program.steps)
+        notes = (*program.heard.notes, *(note for note in told if note is not None))
+        return replace(program, heard=program.heard.model_copy(update={"notes": notes}))
+
+    def _program(self, intent: Intent, under_way: Program | None, last: Program | None, live: bool) -> Program:
         match intent:
             case Text(text) if is_alarm(text):
                 return self._alarmed(text)
@@ -61,7 +72,7 @@ class Hearing:
                 return self._sentence(text, under_way, last)
             case Velocity(forward, left, turning):
                 asked = words_of(intent)
-                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
+                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace), kept=live)
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
                 return Program((step,), heard)
