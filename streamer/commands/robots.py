@@ -53,18 +53,23 @@ def show(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import list_robots, load_robot
+    from flexmotion.configs.stream import load_stream
+    from flexmotion.configs.tunable import unusual_numbers
+    from flexmotion.retarget.footsteps import short_sight
     from flexmotion.retarget.legs import SIDE_NAMES, Leg
 
     if robot is not None:
         chosen = load_robot(robot)
         for side in SIDE_NAMES:
             Leg.of(chosen, side)
+        short = short_sight(chosen, load_stream())
+        warnings = [*unusual_numbers(chosen), *([] if short is None else [short])]
         if as_json:
-            print_json(_detail(chosen))
+            print_json(_detail(chosen) | {"warnings": warnings})
         else:
             print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
-            print_result(f"\n{_pace(chosen)}\n{_get_up(chosen)}")
+            print_result("\n".join(["", _pace(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]))
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
