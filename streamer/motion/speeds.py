@@ -58,7 +58,7 @@ class Speeds:
         """
         limited = self.model.meant(condition)
         found, meant = limited.velocity, self.model.meant(replace(condition, pace=None)).velocity
-        if found is None or (meant is not None and np.allclose(found, meant)):
+        if found is None or (meant is not None and velocity_text(found) == velocity_text(meant)):
             return None
         if not kept and self.model.one_speed(limited) is not None:
             return None

@@ -116,6 +116,37 @@ def test_a_human_of_one_speed_back_is_not_told_to_be_slowed(hearing: Hearing) ->
         assert hearing(other, live=True).heard.notes == ()
 
 
+def test_a_speed_with_a_unit_is_that_of_its_motion(hearing: Hearing) -> None:
+    """The words "walk at 0.3 m/s" were answered "no model and no robot of this project does 'per second'"."""
+    for words in ("walk at 0.3 m/s", "walk with 30 cm per second", "at 0.3 metres a second, walk forward"):
+        program = hearing(Text(words))
+        assert program.steps[0].intent == Velocity(0.3, 0.0, 0.0) and program.heard.state == "accepted"
+        assert program.heard.notes == ("done at a human's 0.3 m/s ahead",)
+    fast = hearing(Text("walk at 2 m/s")).heard
+    assert fast.state == "slowed" and "0.9 m/s ahead" in str(fast.slowed)
+    slow = hearing(Text("walk at 0.01 m/s")).heard
+    assert "0.01 m/s, expected 0.05 to 3 m/s" in str(slow.reason)
+    assert "a speed in degrees or radians a second" in str(hearing(Text("turn left at 0.3 m/s")).heard.reason)
+
+
+def test_a_speed_that_looks_the_same_is_not_told_to_be_slowed(hearing: Hearing) -> None:
+    """A velocity of 0.9 m/s was "slowed to a human's 0.9 m/s": the pace of OP3 is 0.899."""
+    assert hearing.pace is not None and hearing.pace.ahead < 0.9
+    assert hearing(Velocity(0.9, 0.0, 0.0)).heard.told() is None
+
+
+def test_a_walk_goes_on_slower_where_that_comes_then(hearing: Hearing) -> None:
+    """The words "walk forward, then walk slower" were one slow walk; "then walk faster" was at "the limit"."""
+    first, second = hearing(Text("walk forward, then walk slower")).steps
+    assert isinstance(first.intent, Text) and isinstance(second.intent, Velocity) and hearing.pace is not None
+    assert second.intent.forward < 0.8 * hearing.pace.ahead
+    faster = hearing(Text("walk slowly, then walk faster")).steps
+    speeds = [step.intent.forward for step in faster if isinstance(step.intent, Velocity)]
+    assert len(speeds) == 2 and speeds[1] > 1.2 * speeds[0]
+    refused = hearing(Text("walk forward then walk faster")).heard
+    assert "'walk faster': walk is at its greatest speed already" in str(refused.reason)
+
+
 def test_faster_and_slower_stay_within_the_robots_pace(hearing: Hearing) -> None:
     walking = hearing(Text("walk forward"))
     program, changes = walking, 0
