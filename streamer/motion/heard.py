@@ -97,7 +97,10 @@ class HeardStep(BaseModel):
             return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {degrees:.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
             return "not measured"
-        return f"{amount_text(self.measured, self.unit)} of {amount_text(self.amount, self.unit)}"
+        measured = amount_text(self.measured, self.unit)
+        if self.unit in ("steps", "times") and self.measured > self.amount:
+            return f"{measured}, {self.amount:.3g} asked for"
+        return f"{measured} of {amount_text(self.amount, self.unit)}"
 
 
 class Heard(BaseModel):

@@ -140,6 +140,7 @@ BAD_USAGE = {
     "wrong value": (["dry-run", "--perturb", "friction=ice"], "field friction: Input should be a valid number"),
     "not YAML": (["dry-run", "--perturb", "slope_deg=[1"], "slope_deg: not a YAML value"),
     "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
+    "heading beyond a turn": (["send", "--heading", "450"], "--heading: 450 is beyond a turn, expected -360 to 360"),
     "missing settings": (["dry-run", "--settings", "none.yaml"], "none.yaml: cannot be read"),
     "missing option": (["run", "--driver", "sim"], "Missing option '--robot'"),
     "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: "),
