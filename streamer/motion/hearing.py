@@ -290,7 +290,8 @@ class Hearing:
             slowed = None if clause.speed < 1.0 else changed.told.slowed
             changed = replace(changed, told=changed.told.model_copy(update={"slowed": slowed}))
             if clause.joint == "then":
-                return [changed]  # "walk, then walk slower": one after the other, as long again
+                # "Walk, then walk slower": one after the other.
+                return [self._measured(changed, usual_amount(changed, 1), 1)]
             before[-1] = changed
             return []
         return [self._motion(clause, in_sequence)]

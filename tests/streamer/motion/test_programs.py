@@ -140,6 +140,8 @@ def test_a_walk_goes_on_slower_where_that_comes_then(hearing: Hearing) -> None:
     first, second = hearing(Text("walk forward, then walk slower")).steps
     assert isinstance(first.intent, Text) and isinstance(second.intent, Velocity) and hearing.pace is not None
     assert second.intent.forward < 0.8 * hearing.pace.ahead
+    measured = [str(step.amount) for step in hearing(Text("walk two metres, then walk slower")).steps]
+    assert measured == ["2 m", "4 s"]
     faster = hearing(Text("walk slowly, then walk faster")).steps
     speeds = [step.intent.forward for step in faster if isinstance(step.intent, Velocity)]
     assert len(speeds) == 2 and speeds[1] > 1.2 * speeds[0]
