@@ -15,7 +15,7 @@ from benchmarks.shared.program import end_on_terminate
 from benchmarks.tables import main as tables
 from flexmotion.configs.errors import FlexMotionError
 
-USAGE = """usage: python -m benchmarks                    list the benchmarks and their last kept results
+USAGE = """usage: python -m benchmarks [list]             list the benchmarks and their last kept results
        python -m benchmarks NAME [options]     run one; --help shows its options, --keep keeps its result
        python -m benchmarks tables [--check]   write the tables of the documents from the kept results
 """
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run a command line; returns the exit code."""
     try:
         match arguments:
-            case []:
+            case [] | ["list"]:
                 # Another program reads whole lines.
                 console = Console() if sys.stdout.isatty() else Console(width=160)
                 console.print(listing())

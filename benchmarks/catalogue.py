@@ -189,6 +189,8 @@ def find(name: str) -> Benchmark:
     for benchmark in CATALOGUE:
         if benchmark.name == name:
             return benchmark
-    near = [own.name for own in CATALOGUE if name in own.name]
-    expected = ", ".join(near or [own.name for own in CATALOGUE])
-    raise ConfigError(f"no benchmark {name!r}, expected {'one of ' if len(near) != 1 else ''}{expected}")
+    room = f"{name.partition('/')[0]}/"
+    near = [own.name for own in CATALOGUE if name in own.name or own.name.startswith(room)]
+    if not near:
+        raise ConfigError(f"no benchmark {name!r}: `python -m benchmarks` lists them")
+    raise ConfigError(f"no benchmark {name!r}, expected {'one of ' if len(near) != 1 else ''}{', '.join(near)}")

@@ -128,6 +128,25 @@ def choose_numbers(names: Sequence[str], robot: Robot) -> tuple[ChosenNumber, ..
     return tuple(chosen[name] for name in tunable_numbers().numbers if name in chosen)
 
 
+def unusual_numbers(robot: Robot) -> tuple[str, ...]:
+    """Messages about numbers of a robot outside the bounds of `tunable.yaml`: it can be run, and may well fall."""
+    content, found = robot.config.model_dump(), []
+    for name, number in tunable_numbers().numbers.items():
+        low, high = _bounds(number, robot)
+        value = _value_at(content, number.at)
+        if value is not None and not low <= value <= high:
+            unit, least, most = "" if number.unit == "1" else f" {number.unit}", *number.bounds
+            of = "" if number.scale == "one" else f" ({least:g} to {most:g} times {number.scale})"
+            expected = f"expected {low:.4g} to {high:.4g}{unit}{of}"
+            found.append(f"{robot.file}: field {name}: {value:g}{unit}, {expected}: {number.reason}")
+    return tuple(found)
+
+
+def _bounds(number: TunableNumber, robot: Robot) -> tuple[float, float]:
+    low, high = (rounded(bound * _SCALES[number.scale](robot.config)) for bound in number.bounds)
+    return low, high
+
+
 def _chosen(name: str, robot: Robot) -> ChosenNumber:
     known = tunable_numbers()
     number = known.numbers.get(name)
@@ -135,7 +154,7 @@ def _chosen(name: str, robot: Robot) -> ChosenNumber:
         kept = next((why for own, why in known.kept.items() if name == own or name.startswith(f"{own}.")), None)
         told = f"number {name} is not tuned: {kept}" if kept is not None else f"unknown number {name!r}"
         raise ConfigError(f"{told}; expected some of: {', '.join(known.numbers)}")
-    low, high = (rounded(bound * _SCALES[number.scale](robot.config)) for bound in number.bounds)
+    low, high = _bounds(number, robot)
     start = _value_at(robot.config.model_dump(), number.at)
     if start is None:
         raise ConfigError(f"{robot.file}: field {name}: missing; write a number from {low:g} to {high:g} to start from")

@@ -15,7 +15,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.robot_file import Gait
+from flexmotion.configs.stream import StreamSettings
 from flexmotion.retarget.cadence import Cadence, OwnStep
 from flexmotion.retarget.foot_goal import FootGoal
 from flexmotion.retarget.footholds import Footholds
@@ -66,6 +68,19 @@ class FeetState:
     placed: FootGoal | None = None
     astride: bool = False
     upright: int = 0
+
+
+def short_sight(robot: Robot, settings: StreamSettings) -> str | None:
+    """Why plans do not reach far enough ahead for a step to be inserted; None: they do."""
+    pause_s, step_s = robot.gait.double_support_min_s, UNHURRIED_S + INSERTED_SWING_S
+    if pause_s + step_s <= settings.horizon_s:
+        return None
+    most, longer = settings.horizon_s - step_s, f"horizon_s of {pause_s + step_s:.3g} or more in the stream settings"
+    expected = longer if most < 1.0 / robot.rate_hz else f"at most {most:.3g}, or {longer}"
+    return (
+        f"{robot.file}: field gait.double_support_min_s: {pause_s:g} s, expected {expected}: no step fits into plans "
+        f"of {settings.horizon_s:g} s"
+    )
 
 
 class FootstepPlanner:

@@ -29,7 +29,7 @@ from flexmotion.retarget.drafting import CAPPED_DRAFTS, DRAFTS, best_draft
 from flexmotion.retarget.easing import WHOLE, Ease, Eased
 from flexmotion.retarget.effort import Effort, Judged, changeable, effort
 from flexmotion.retarget.foot_places import FootPlaces
-from flexmotion.retarget.footsteps import FootstepPlanner
+from flexmotion.retarget.footsteps import FootstepPlanner, short_sight
 from flexmotion.retarget.head_places import HeadPlaces
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.part_paths import NO_PARTS, PartGoals, PartPaths
@@ -71,6 +71,8 @@ class Retargeter:
     """
 
     def __init__(self, robot: Robot, settings: StreamSettings) -> None:
+        if (short := short_sight(robot, settings)) is not None:
+            raise RetargetError(short)
         self.robot, self.gait, self.rate = robot, robot.gait, robot.rate_hz
         self.dt = 1.0 / robot.rate_hz
         self.settings = settings
@@ -92,11 +94,6 @@ class Retargeter:
         self.footsteps = FootstepPlanner(
             self.gait, self.swings, self.body.stand_width, float(robot.sole_half_size[:, 0].max()), self.rate
         )
-        if settings.horizon_s < self.footsteps.sight_s:
-            raise RetargetError(
-                f"stream settings: horizon_s is {settings.horizon_s:g}, expected at least {self.footsteps.sight_s:g}: "
-                f"{robot.name} cannot insert steps in shorter plans"
-            )
         self.foot_places = FootPlaces(self.footsteps.footholds)
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         check = SwingCheck(

@@ -16,6 +16,7 @@ from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import StreamSettings, load_stream
+from flexmotion.configs.tunable import unusual_numbers
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
@@ -273,10 +274,9 @@ def open_session(
         listen(session, listening)
     if mirror is not None:
         mirror_from(session, mirror)
-    if isinstance(source, Performance):
-        # Before the run only: once it has started, the loop is the ring's one writer.
-        for remark in source.remarks:
-            session.telemetry.emit(0, "note", remark)
+    # Before the run only: once it has started, the loop is the ring's one writer.
+    for remark in (*unusual_numbers(robot), *(source.remarks if isinstance(source, Performance) else ())):
+        session.telemetry.emit(0, "note", remark)
     if log is not None:
         record_to(Path(log), session, clock)
     if foxglove:

@@ -260,6 +260,10 @@ class Sampler:
         """See `Requests.meant`."""
         return self.requests.meant(condition)
 
+    def one_speed(self, condition: Condition) -> float | None:
+        """See `Requests.one_speed`."""
+        return self.requests.one_speed(condition)
+
     def prompt(self, text: str | None) -> Prompt:
         """See `Requests.prompt`."""
         return self.requests.prompt(text)

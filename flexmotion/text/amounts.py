@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from flexmotion.text.numbers import is_digits, number_at
-from flexmotion.text.paces import Speed, speed_at, tells_speed
+from flexmotion.text.paces import Rate, Speed, speed_at, tells_speed
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
 _SYMBOLS = {
@@ -22,9 +22,11 @@ _SYMBOLS = {
     "→": " then ",
     "=>": " then ",
     "->": " then ",
-    "m/s": " metres per second ",
-    "km/h": " km per hour ",
+    "mph": " miles per hour ",
+    "kph": " km per hour ",
 }
+_PER = re.compile(r"(?<=[^\W\d_])\s?/\s?(?=(?:s|sec|second|h|hr|hour|min|minute)\b)")
+"""Between the unit of a speed and that of its time: "m/s"."""
 _WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
 _DIGIT = re.compile(r"\d")
 _MINUS = re.compile(r"(?<![^\s(])(?:\u2212\s*|[-\u2013])(?=[\d.])")
@@ -71,8 +73,8 @@ class Bare:
     said: str
 
 
-Token = str | Amount | Bare | Speed
-"""A word or a punctuation mark, an amount, a number without unit, or a factor on the speed."""
+Token = str | Amount | Bare | Speed | Rate
+"""A word or a punctuation mark, an amount, a number without unit, a factor on the speed, or a speed with a unit."""
 
 
 def words_of(sentence: str) -> list[str]:
@@ -81,6 +83,7 @@ def words_of(sentence: str) -> list[str]:
     text = _MINUS_WORD.sub(_minus, _MINUS.sub("-", text))
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
+    text = _PER.sub(" per ", text)
     if _DIGIT.search(text):
         text = _digits_read(text)
     numbers, words = vocabulary().table["numbers"], list[str]()
@@ -128,7 +131,29 @@ def tokens_of(sentence: str) -> list[Token]:
         found.append(token if same is None else same)
         _join_range(found)
         place += used
+        if (rate := _rate_at(words, place, found[-1])) is not None:
+            found[-1:], place = [rate[0]], place + rate[1]
+            while len(found) > 1 and found[-2] in _rate_words():
+                del found[-2]
     return found
+
+
+def _rate_at(words: list[str], place: int, amount: Token) -> tuple[Rate, int] | None:
+    """The speed that an amount is with the time behind it ("0.3 metres per second"), and how many words that is."""
+    if not isinstance(amount, Amount) or amount.quantity not in ("length", "angle") or amount.rough:
+        return None
+    quantity, size = vocabulary().units.get(words[place + 1] if place + 1 < len(words) else "", ("", 1.0))
+    counted = words[place + 2 : place + 3] in (["time"], ["step"])  # "a second time"
+    if words[place : place + 1] not in (["per"], ["a"], ["each"], ["every"]) or quantity != "time" or counted:
+        return None
+    said = f"{amount.said} {words[place]} {words[place + 1]}"
+    return Rate(amount.value / size, amount.quantity == "angle", said), 2
+
+
+@lru_cache
+def _rate_words() -> frozenset[str]:
+    """Words in front of a speed with a unit that say no more of it: "at a speed of about"."""
+    return frozenset(["at", "with", "to", "of", "a", "the", "about", "around", *vocabulary().table["speed_nouns"]])
 
 
 @lru_cache

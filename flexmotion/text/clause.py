@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from enum import Enum
 
 from flexmotion.text.amounts import Amount
+from flexmotion.text.paces import Rate
 
 NO_KNOWN_WORD = "none of its words is known; the model hears English"
 """Refusal of words that a listener may still take for something."""
+
+SAY_A_SPEED = "say one speed with the motion that has it, as in 'walk forward at 0.5 m/s'"
+"""Refusal of a speed with a unit that is of no motion."""
 
 
 class Asks(Enum):
@@ -34,6 +38,7 @@ class Clause:
         times: how often; 1: once, or not said.
         counted: whether `times` was said.
         speed: factor on the speed of the motion.
+        rate: its speed, with a unit; None: not said.
         forbidden: the clause says what not to do.
         refusal: why it cannot be done, as far as the words alone tell; None: they do not.
         dropped: parts of it that are not done.
@@ -54,6 +59,7 @@ class Clause:
     times: int = 1
     counted: bool = False
     speed: float = 1.0
+    rate: Rate | None = None
     forbidden: bool = False
     refusal: str | None = None
     dropped: tuple[str, ...] = ()

@@ -6,9 +6,9 @@ import math
 from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
-from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.clause import NO_KNOWN_WORD, SAY_A_SPEED, Asks, Clause
 from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, signed, speed_of
-from flexmotion.text.paces import Speed
+from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
@@ -29,6 +29,9 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     tokens = stripped(tokens)
     words = [token for token in tokens if isinstance(token, str)]
     sentence = " ".join(words)
+    rates, tokens = [one for one in tokens if isinstance(one, Rate)], [t for t in tokens if not isinstance(t, Rate)]
+    if len(rates) > 1 or (rates and (forbidding or not tokens or _forbids(words))):
+        return Clause(said, sentence, refusal=SAY_A_SPEED)
     if forbidding or _forbids(words):
         rest = plain(stripped([*NEGATES.sub(" ", sentence).split()]))
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
@@ -73,6 +76,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
         return Clause(said, stem(named), Asks.AGAIN, None, times, counted, dropped=tuple(dropped), notes=tuple(notes))
+    if asks is not Asks.MOTION and rates:
+        return Clause(said, "", refusal=SAY_A_SPEED)
     if asks in (Asks.FASTER, Asks.SLOWER) and (amount is not None or counted):
         return Clause(said, "", refusal="a change of speed has no length, time or count of its own")
     if asks is not Asks.MOTION:
@@ -103,6 +108,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         times,
         counted,
         speed,
+        rates[0] if rates else None,
         refusal=None if more else refusal,
         dropped=(*dropped, *places),
         notes=tuple(notes),

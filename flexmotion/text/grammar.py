@@ -17,6 +17,7 @@ from flexmotion.text.clause_amounts import speed_of
 from flexmotion.text.clauses import clause_of
 from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
+from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.questions import QUESTION, is_question
 from flexmotion.text.rewording import reworded
@@ -112,7 +113,8 @@ def _with_adverbs(parts: list[Part]) -> list[Part]:
     if len(parts) < 2 or parts[1].joint != "," or parts[0].dropped:
         return parts
     tokens, (speed, _, rest) = parts[1].tokens, speed_of(stripped(parts[0].tokens))
-    if rest or speed == 1.0 or clause_of(parts[1], False) is None:
+    says_speed = speed != 1.0 or any(isinstance(token, Rate) for token in rest)
+    if any(not isinstance(token, Rate) for token in rest) or not says_speed or clause_of(parts[1], False) is None:
         return parts
     return [replace(parts[1], tokens=[*tokens, *stripped(parts[0].tokens)], joint=parts[0].joint), *parts[2:]]
 
@@ -120,7 +122,7 @@ def _with_adverbs(parts: list[Part]) -> list[Part]:
 def _is_plain(clause: Clause) -> bool:
     """Whether the grammar has nothing to add to what a listener hears in the whole sentence."""
     counts = clause.amount is not None or clause.counted or clause.until_told or bool(clause.notes)
-    return clause.asks is Asks.MOTION and clause.speed == 1.0 and not counts
+    return clause.asks is Asks.MOTION and clause.speed == 1.0 and clause.rate is None and not counts
 
 
 def whole(sentence: str) -> Clause | None:

@@ -24,6 +24,19 @@ class Speed:
     said: str
 
 
+@dataclass(frozen=True)
+class Rate:
+    """A speed with a unit: `value` in metres or radians a second; `said`: the words for it.
+
+    Attributes:
+        turns: whether it is of a turn [rad/s], else of a way [m/s].
+    """
+
+    value: float
+    turns: bool
+    said: str
+
+
 def speed_at(words: list[str], place: int) -> tuple[Speed, int] | None:
     """The speed that begins at a word, and how many words it takes; None where none begins."""
     found = _of_speed(words, place) or _as_fast(words, place) or _by(words, place)

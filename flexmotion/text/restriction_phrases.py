@@ -20,6 +20,8 @@ _UNIT = re.compile(r"\b(?:newton[\s-]?met(?:re|er)s?|n\s?[·*⋅]?\s?m)\b")
 _MINUS = re.compile(r"(?<![\w.])[-\u2212\u2013]\s?(?=[\w.])")
 _WORD = re.compile(r"\d*\.?\d+|[a-z]+")
 
+LEAST_NM = 0.01
+"""Least torque cap [N·m]."""
 OWN = r"(?:your|ur|the|its|his|her)"
 BOTH_FEET = rf"(?:both\s(?:of\s)?(?:{OWN}\s)?|{OWN}\s(?:both\s)?)(?:feet|legs)"
 """Words for whose a part of the body is, and for both feet, as patterns."""
@@ -107,7 +109,7 @@ def restriction_phrase(sentence: str) -> RestrictionPhrase | None:
         return RestrictionPhrase(joint=_joint(found["joint"]), lets_go=True)
     found = _AT_MOST.fullmatch(words) or _LIMIT.fullmatch(words)
     limit = None if found is None else _number(found["number"].split())
-    if found is None or limit is None:
+    if found is None or limit is None or limit < LEAST_NM:
         return None
     return RestrictionPhrase(joint=_joint(found["joint"]), limit=limit)
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from itertools import islice, product
 
 from flexmotion.text.amounts import tokens_of
-from flexmotion.text.restriction_phrases import BOTH_FEET, OWN, restriction_phrase, restriction_words
+from flexmotion.text.restriction_phrases import BOTH_FEET, LEAST_NM, OWN, restriction_phrase, restriction_words
 from flexmotion.text.rewording import reworded
 from flexmotion.text.spelling import LEAST_LIKENESS, unknown_words
 from flexmotion.text.wording import plain, taught
@@ -94,7 +94,7 @@ def _why(words: str) -> str | None:
         )
     if _TORQUE.search(words) is not None:
         return (
-            "a torque is capped in a sentence of its own, to more than 0: "
+            f"a torque is capped in a sentence of its own, to {LEAST_NM:g} N·m or more: "
             "say 'no more than 1 newton metre at the knee' (flexmotion send --torque knee 1)"
         )
     tense = _TENSE.search(words)

@@ -42,9 +42,9 @@ def render_check(check: TorqueCheck) -> RenderableType:
             style="" if load.ok else "bold red",
         )
     note = (
-        "torque by inverse dynamics of the plans as they would be sent, balance feedback not included; lag: how "
-        "far a joint falls behind because its servo lacks torque; 10 min, lasts, duty: heat if the motion is repeated, "
-        "by the servo catalogue's thermal constants"
+        "torque by inverse dynamics of the plans as they would be sent, balance feedback not included; a servo that "
+        "has less than the peak gives what it has, and its joint falls behind by the lag; 10 min, lasts, duty: heat if "
+        "the motion is repeated, by the servo catalogue's thermal constants"
     )
     return Group(*parts, Text(), drawn, Text(note, style="dim"))
 

@@ -53,18 +53,23 @@ def show(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import list_robots, load_robot
+    from flexmotion.configs.stream import load_stream
+    from flexmotion.configs.tunable import unusual_numbers
+    from flexmotion.retarget.footsteps import short_sight
     from flexmotion.retarget.legs import SIDE_NAMES, Leg
 
     if robot is not None:
         chosen = load_robot(robot)
         for side in SIDE_NAMES:
             Leg.of(chosen, side)
+        short = short_sight(chosen, load_stream())
+        warnings = [*unusual_numbers(chosen), *([] if short is None else [short])]
         if as_json:
-            print_json(_detail(chosen))
+            print_json(_detail(chosen) | {"warnings": warnings})
         else:
             print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
-            print_result(f"\n{_pace(chosen)}\n{_get_up(chosen)}")
+            print_result("\n".join(["", _pace(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]))
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
@@ -121,10 +126,11 @@ def _pace(robot: Robot) -> str:
     pace = robot.gait.pace
     if pace is None:
         return "Pace unknown (gait.pace): generated motion is not slowed for this robot"
+    reached = "" if pace.reached is None else f" (the robot makes {pace.reached:g} of it, as measured)"
     return (
-        f"Generated motion is slowed to this robot's pace: {pace.ahead:g} m/s ahead, {pace.back:g} back, "
-        f"{pace.aside:g} aside, turning {pace.turning:g} rad/s"
-        + ("" if pace.reached is None else f". It walks at {pace.reached:g} m/s at most")
+        f"A motion model is asked for this robot's pace at most: {pace.ahead:g} m/s ahead{reached}, "
+        f"{pace.back:g} back, {pace.aside:g} aside, turning {pace.turning:g} rad/s. "
+        "Where it has one speed, as the shipped model backward, it goes at that, and a note says so"
     )
 
 

@@ -187,6 +187,8 @@ def send(
         raise typer.BadParameter(f"--wait is that of {expected}: nothing else ends by itself")
     if turning is not None and turn is None:
         raise typer.BadParameter("--turning is that of a --heading")
+    if heading is not None and part.foot is None and abs(heading) > 360.0:
+        raise typer.BadParameter(f"--heading: {heading:g} is beyond a turn, expected -360 to 360 degrees")
     radians = None if heading is None else math.radians(heading)
     message: dict[str, Any]
     if text is not None:

@@ -256,7 +256,7 @@ class Answer(BaseModel):
         slowed: speeds that the human is slowed to, so that the robot keeps up; of a part, when it is there.
         moved: place, direction or angle that a part is moved to.
         dropped: parts that are not done.
-        notes: what was taken for words that say no number.
+        notes: what was taken for words that say no number, and what else there is to know of how it is done.
         reason: why it is not done, or not as asked.
         took_lease_from: operator from whom this message took the lease over.
     """

@@ -12,7 +12,6 @@ from pydantic import Field, StringConstraints
 from flexmotion.configs.problems import Wording
 from flexmotion.streamer.gateway.message_base import MessageBase
 from flexmotion.streamer.motion.restriction_intents import (
-    LEAST_NM,
     MOST_NM,
     Contact,
     Foot,
@@ -21,6 +20,7 @@ from flexmotion.streamer.motion.restriction_intents import (
     Tension,
     TorqueCap,
 )
+from flexmotion.text.restriction_phrases import LEAST_NM
 
 NAMED_JOINT = r"[\w./-]([\w ./-]{0,62}[\w./-])?"
 """Pattern of the name of a joint in the robot file, or of the body: `left knee`."""

@@ -97,7 +97,10 @@ class HeardStep(BaseModel):
             return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {degrees:.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
             return "not measured"
-        return f"{amount_text(self.measured, self.unit)} of {amount_text(self.amount, self.unit)}"
+        measured = amount_text(self.measured, self.unit)
+        if self.unit in ("steps", "times") and self.measured > self.amount:
+            return f"{measured}, {self.amount:.3g} asked for"
+        return f"{measured} of {amount_text(self.amount, self.unit)}"
 
 
 class Heard(BaseModel):
@@ -117,7 +120,7 @@ class Heard(BaseModel):
         moved: place, direction or angle that it was moved to; None: not moved.
         dropped: parts that are not done.
         reason: why it is refused, or stands still.
-        notes: what was taken for words that say no number.
+        notes: what was taken for words that say no number, and what else there is to know of how it is done.
         steps: its requests; empty where it is refused.
         holds: what holds from then on; None: it is for the whole body, or lets something go.
         there: of a part, once it is there: how far it is from its place as measured, in words.

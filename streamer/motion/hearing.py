@@ -14,7 +14,7 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
-from flexmotion.streamer.motion.measured_steps import RefusedError, fits, measured
+from flexmotion.streamer.motion.measured_steps import RefusedError, at_rate, fits, measured
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
@@ -47,13 +47,24 @@ class Hearing:
     def __init__(self, model: Model, pace: Pace | None, seconds: Callable[[Clip], float] | None = None) -> None:
         self.model, self.pace, self.speeds, self.seconds = model, pace, Speeds(model, pace), seconds
 
-    def __call__(self, intent: Intent, under_way: Program | None = None, last: Program | None = None) -> Program:
+    def __call__(
+        self, intent: Intent, under_way: Program | None = None, last: Program | None = None, *, live: bool = False
+    ) -> Program:
         """The program of an intent.
 
         Args:
             under_way: what the robot does now, for "faster" and the like; None: it stands.
             last: what "again" repeats; None: nothing yet.
+            live: whether it is a target's; else a script's.
         """
+        program = self._program(intent, under_way, last, live)
+        if program.heard.state == "refused":
+            return program
+        told = dict.fromkeys(self.speeds.one_speed(step, live) for step in program.steps)
+        notes = (*program.heard.notes, *(note for note in told if note is not None))
+        return replace(program, heard=program.heard.model_copy(update={"notes": notes}))
+
+    def _program(self, intent: Intent, under_way: Program | None, last: Program | None, live: bool) -> Program:
         match intent:
             case Text(text) if is_alarm(text):
                 return self._alarmed(text)
@@ -61,7 +72,7 @@ class Hearing:
                 return self._sentence(text, under_way, last)
             case Velocity(forward, left, turning):
                 asked = words_of(intent)
-                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
+                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace), kept=live)
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
                 return Program((step,), heard)
@@ -94,6 +105,9 @@ class Hearing:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
                 steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
+                plainly = clause.rate is not None and steps[-1].told.slowed is None
+                if plainly and self.speeds.one_speed(steps[-1], False) is None:
+                    notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
         except RefusedError as refused:
@@ -271,9 +285,14 @@ class Hearing:
                 raise RefusedError(f"{clause.said!r}: say it alone, while the motion is under way")
             changed = self.speeds.changed(before[-1], clause.speed)
             if changed is before[-1]:
-                raise RefusedError(f"{clause.said!r}: {changed.kind} is at the limit of its speed")
+                which = "smallest" if clause.speed < 1.0 else "greatest"
+                raise RefusedError(f"{clause.said!r}: {changed.kind} is at its {which} speed already")
             slowed = None if clause.speed < 1.0 else changed.told.slowed
-            before[-1] = replace(changed, told=changed.told.model_copy(update={"slowed": slowed}))
+            changed = replace(changed, told=changed.told.model_copy(update={"slowed": slowed}))
+            if clause.joint == "then":
+                # "Walk, then walk slower": one after the other.
+                return [self._measured(changed, usual_amount(changed, 1), 1)]
+            before[-1] = changed
             return []
         return [self._motion(clause, in_sequence)]
 
@@ -375,6 +394,8 @@ class Hearing:
             if changed is not step:
                 told = changed.told.model_copy(update={"slowed": None if clause.speed < 1.0 else told.slowed})
                 step = replace(changed, told=told)
+        if clause.rate is not None:
+            step = at_rate(self.speeds, step, clause.rate)
         amount, times = clause.amount, clause.times
         if amount is None and (in_sequence or clause.counted):
             amount = usual_amount(step, times)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexmotion.sampling.pace import Pace
-from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.sampling.request import STILL
+from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.motion.intents import FASTEST, Velocity
 from flexmotion.streamer.motion.programs import LEAST, MOST, Step, limit_s
-from flexmotion.streamer.motion.speeds import Model
+from flexmotion.streamer.motion.speeds import Model, Speeds
 from flexmotion.text.amounts import Amount
+from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import Quantity
 
@@ -27,6 +30,27 @@ def fits(step: Step) -> tuple[Quantity, ...]:
     if step.axis != (0, 0) or step.kind == "velocity":
         return ("length", "time", "steps")
     return ("time",) if step.kind == STAND else ("time", "times")
+
+
+def at_rate(speeds: Speeds, step: Step, rate: Rate) -> Step:
+    """The step at a speed with a unit: that of its human, as of a velocity.
+
+    Raises:
+        RefusedError: its motion has no such speed, or it is out of bounds.
+    """
+    way = "turn" if step.turn else "walk" if step.axis != (0, 0) else None
+    if way is None or rate.turns != (way == "turn"):
+        known = {"turn": "a speed in degrees or radians a second", "walk": "a speed in metres a second"}
+        raise RefusedError(f"{rate.said!r}: {step.kind} has {known.get(way or '', 'no speed with a unit')}")
+    signs = (0, 0, step.turn) if step.turn else (*step.axis, 0)
+    fastest = sum(most for most, sign in zip(FASTEST, signs, strict=True) if sign)
+    if not STILL <= rate.value <= fastest:
+        unit = "rad/s" if rate.turns else "m/s"
+        raise RefusedError(f"{rate.said!r} is {rate.value:.3g} {unit}, expected {STILL:g} to {fastest:g} {unit}")
+    forward, left, turning = (float(sign * rate.value) for sign in signs)
+    slowed = speeds.slowed(Condition(velocity=(forward, left, turning), pace=speeds.pace))
+    told = step.told.model_copy(update={"slowed": slowed})
+    return replace(step, intent=Velocity(forward, left, turning, step.told.manner), told=told)
 
 
 def measured(model: Model, pace: Pace | None, step: Step, amount: Amount, times: int) -> Step:

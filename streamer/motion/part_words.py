@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.part_intents import Look, PartIntent, Point, Relax
-from flexmotion.streamer.motion.restriction_intents import LEAST_NM, MOST_NM, Contact, Tension, TorqueCap
+from flexmotion.streamer.motion.restriction_intents import MOST_NM, Contact, Tension, TorqueCap
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.restriction_phrases import restriction_phrase
+from flexmotion.text.restriction_phrases import LEAST_NM, restriction_phrase
 
 WORDS_HOLD_S = 5.0
 """A look or a point that was asked for in words is held this long; words say no end [s]."""
@@ -37,6 +37,6 @@ def _restriction(sentence: str) -> PartIntent | None:
     if found.limb is not None and found.tension is not None:
         return Tension(found.limb, found.tension)
     assert found.joint is not None
-    # A limit that no message could name is bounded: it is refused, or binds nothing, by what standing needs.
-    cap = TorqueCap(found.joint, min(max(found.limit or LEAST_NM, LEAST_NM), MOST_NM))
+    # A limit beyond what a message could name binds nothing; of a cap that is let go it does not matter.
+    cap = TorqueCap(found.joint, min(found.limit or LEAST_NM, MOST_NM))
     return Relax(cap.part) if found.lets_go else cap

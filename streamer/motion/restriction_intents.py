@@ -10,6 +10,7 @@ from typing import Literal, get_args
 
 from flexmotion.streamer.motion.intent_values import require_numbers
 from flexmotion.streamer.motion.part_values import Logged, require_choice, require_joint
+from flexmotion.text.restriction_phrases import LEAST_NM
 
 Foot = Literal["left", "right", "both"]
 FEET: tuple[Foot, ...] = get_args(Foot)
@@ -23,8 +24,8 @@ TENSION_LIMBS: tuple[Limb, ...] = get_args(Limb)
 TENSION = "tension "
 """How the name of the part of a tension begins."""
 
-LEAST_NM, MOST_NM = 0.01, 1000.0
-"""Bounds of a torque cap [N·m]."""
+MOST_NM = 1000.0
+"""Greatest torque cap, beside `LEAST_NM` [N·m]."""
 
 
 @dataclass(frozen=True)

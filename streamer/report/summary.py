@@ -172,10 +172,11 @@ def joint_rows(report: Report) -> list[tuple[str, ...]]:
 
 
 def torque_note(report: Report) -> str:
-    """Note on the source of the joints' torques, unless it is the simulation."""
-    return {"simulation": "", "servos": "torque as the servos measure it, by their current", None: "torque unknown"}[
-        report.limits.torque_source
-    ]
+    """Note on the source of the joints' torques, unless it is the simulation, and on peaks beyond the usable torque."""
+    sources = {"simulation": "", "servos": "torque as the servos measure it, by their current", None: "torque unknown"}
+    beyond = any((one.peak_torque_nm or 0.0) > one.torque_limit_nm for one in report.limits.joints.values())
+    braking = "peak above usable: braking, where a servo may give up to its stall torque" if beyond else ""
+    return "; ".join(filter(None, (sources[report.limits.torque_source], braking)))
 
 
 def timing_rows(report: Report) -> list[tuple[str, ...]]:

@@ -66,6 +66,15 @@ def test_unknown_names(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tables", "--wrong"]) == 2
 
 
+def test_a_listing_is_asked_for_by_name_too(capsys: pytest.CaptureFixture[str]) -> None:
+    """The word `list` was taken for a benchmark: all sixty names came in one line of an error."""
+    assert main(["list"]) == 0
+    assert all(benchmark.name in capsys.readouterr().out for benchmark in CATALOGUE[:1])
+    assert main(["lst"]) == 2
+    told = capsys.readouterr().err
+    assert "`python -m benchmarks` lists them" in told and "robot/clips" not in told
+
+
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("benchmarks.catalogue.find_spec", lambda _name: None)
     with pytest.raises(SystemExit) as ended:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.schema import read_yaml
-from flexmotion.configs.tunable import ChosenNumber, choose_numbers, tunable_numbers
+from flexmotion.configs.tunable import ChosenNumber, choose_numbers, tunable_numbers, unusual_numbers
 from flexmotion.configs.yaml_numbers import with_numbers
 
 OP3 = load_robot("op3")
@@ -44,6 +44,13 @@ def test_the_number_in_the_file_is_the_one_measured(number: ChosenNumber, share:
     value = number.value(share)
     content = yaml.safe_load(with_numbers(TEXT, {number.at: value}, OP3.file))
     assert reduce(lambda part, key: part[key], number.at, content) == value
+
+
+def test_a_swing_foot_that_scuffs_the_floor_is_told_when_the_file_is_read(tmp_path: Path) -> None:
+    """`flexmotion robots` accepted a clearance of 5 mm; the robot fell, and the warnings of its run blamed the IMU."""
+    (told,) = unusual_numbers(edited(tmp_path, "clearance: 0.015", "clearance: 0.005"))
+    assert "field gait.clearance: 0.005 m, expected 0.01015 to 0.03045 m (0.05 to 0.15 times hip_height)" in told
+    assert unusual_numbers(OP3) == ()
 
 
 def test_the_start_is_the_number_in_the_robot_file() -> None:

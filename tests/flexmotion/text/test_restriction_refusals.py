@@ -63,7 +63,15 @@ def test_a_torque_below_nothing_is_no_cap(sentence: str) -> None:
     """The sign was not read: "no more than -2 newton metres at the elbow" capped it at 2 N·m."""
     reason = restriction_refusal(sentence)
     assert restriction_phrase(sentence) is None
-    assert reason is not None and "to more than 0" in reason and "--torque knee 1" in reason
+    assert reason is not None and "to 0.01 N·m or more" in reason and "--torque knee 1" in reason
+
+
+@pytest.mark.parametrize("sentence", ["no more than 0 N·m at the left elbow", "limit the left elbow to 0.001 Nm"])
+def test_a_torque_of_nothing_is_no_cap(sentence: str) -> None:
+    """It was accepted and capped the elbow at 0.01 N·m; the same number in a message was refused."""
+    reason = restriction_refusal(sentence)
+    assert restriction_phrase(sentence) is None
+    assert reason is not None and "to 0.01 N·m or more" in reason
 
 
 @pytest.mark.parametrize(

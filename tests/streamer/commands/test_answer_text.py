@@ -112,6 +112,13 @@ def test_a_heading_is_told_within_half_a_turn() -> None:
     assert step.done.endswith("heading 87°")
 
 
+def test_more_than_was_asked_is_told_as_more() -> None:
+    """A robot that waved twice had done "2 times of 1 time"."""
+    step = HeardStep(text="wave", heard_as="wave-right-hand", amount=1.0, unit="times", measured=2.0)
+    assert step.done == "2 times, 1 asked for"
+    assert step.model_copy(update={"measured": 1.0}).done == "1 time of 1 time"
+
+
 def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> None:
     stopped = lines(must_stop=True)
     assert "flexmotion clear" in stopped["targets"] and stopped["follows"].startswith("nothing")

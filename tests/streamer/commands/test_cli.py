@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -139,6 +140,7 @@ BAD_USAGE = {
     "wrong value": (["dry-run", "--perturb", "friction=ice"], "field friction: Input should be a valid number"),
     "not YAML": (["dry-run", "--perturb", "slope_deg=[1"], "slope_deg: not a YAML value"),
     "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
+    "heading beyond a turn": (["send", "--heading", "450"], "--heading: 450 is beyond a turn, expected -360 to 360"),
     "missing settings": (["dry-run", "--settings", "none.yaml"], "none.yaml: cannot be read"),
     "missing option": (["run", "--driver", "sim"], "Missing option '--robot'"),
     "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: "),
@@ -383,6 +385,24 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("robots", "op3") == 0
     found = capsys.readouterr().out
     assert "l_knee" in found and f"{pace.ahead:g} m/s ahead" in found
+
+
+def test_robots_warns_of_numbers_with_which_every_run_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A double support of .19 s passed; then every run was refused with a message about horizon_s, no field named."""
+    shipped = load_robot("op3")
+    shutil.copytree(shipped.folder, tmp_path / "mine")
+    file = (tmp_path / "mine" / shipped.file.name).rename(tmp_path / "mine" / "robot.yaml")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("double_support_min_s: 0.048", "double_support_min_s: 0.19"), encoding="utf-8")
+    told = "field gait.double_support_min_s: 0.19 s, expected at most 0.15, or horizon_s of 1.04"
+    assert run("robots", str(tmp_path / "mine")) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert run("robots", str(tmp_path / "mine"), "--json") == 0
+    assert told in json.loads(capsys.readouterr().out)["warnings"][0]
+    assert run("dry-run", "--robot", str(tmp_path / "mine"), "--seconds", "1") == 2
+    assert told in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

@@ -91,6 +91,14 @@ def test_joints_are_ordered_by_their_share_of_stall_torque(record: RunTrace, fig
     assert "torque as the servos measure it, by their current; goals outside" in text_of(record, figures, None, 200)
 
 
+def test_a_peak_above_the_usable_torque_is_explained(record: RunTrace, figures: RobotFigures) -> None:
+    """The words "no limit passed" stood beside a peak of 3.21 N·m of 2.50 usable; only docs/report.md said why."""
+    told = "peak above usable: braking, where a servo may give up to its stall torque"
+    assert told not in text_of(record, figures, None, 200)
+    record.true_torque[5, 3] = 1.2 * figures.torque_limit[3]
+    assert told in text_of(record, figures, None, 200)
+
+
 def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: RunTrace, figures: RobotFigures) -> None:
     """The verdict joined all refusals, each with the list of 23 motions; a fault was lost among them."""
     reason = "'fly {}' is not understood by this model, it stands still; try: walk forward; it can: stand, walk, bow"
