@@ -1,4 +1,4 @@
-"""`Course`: keeps what is asked without a turn straight, and who stands in place, by what each window is asked for.
+"""`Course`: keeps what is asked straight, in its place, or turning as fast as it is asked, window by window.
 
 A model's windows are right each by itself; small errors of their turning and place add up over minutes. The course
 remembers heading and place, and asks the next window for a mean heading, and for a mean place on its line, beside the
@@ -13,7 +13,7 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.features.constraints import Constraints, end_mean
+from flexmotion.features.constraints import END, Constraints, end_mean
 from flexmotion.features.decode import Anchor
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
@@ -60,11 +60,11 @@ LOST = np.radians(45.0)
 
 @dataclass(frozen=True)
 class Course:
-    """Heading and place of a motion that was asked for without a turn; made once, then `followed` window by window.
+    """Heading and place of a motion; made once, then `followed` window by window.
 
     Attributes:
-        heading: to keep [rad]; None: not known yet.
-        settled: whether the heading can be taken from the motion; it cannot right after a turn.
+        heading: to keep, or of a turn where it leads by the end of the next window, as a mean [rad]; None: not known.
+        settled: whether the heading can be taken from the motion; it cannot in a turn, and right after it.
         place: point of the line to walk along, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
         rested: whether who stands came to rest, at its place.
@@ -102,11 +102,11 @@ class Course:
             free: constraints of the model that ask for nothing.
             noise: of windows that are asked for a velocity, relative to others: with less of it their speed is nearer.
         """
+        measured = _Measured.of(past)
         if own is not None and own[2]:
-            return Course(settled=False), request
+            return self._turned(request, own[2] * seconds, measured, past, free)
         if not self.settled:
             return Course(), request
-        measured = _Measured.of(past)
         # Words of an unknown speed go at the one that is measured.
         going = own[:2] if own is not None else measured.velocity if measured.speed > TRAVELLING else (0.0, 0.0)
         direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
@@ -116,7 +116,7 @@ class Course:
         if own is None and direction is None and abs(error) < BAND and float(np.hypot(*away)) < NEAR:
             return course, request
         turned, anchor = float(np.clip(error, -MOST_TURNED, MOST_TURNED)), Anchor.after(past)
-        asked = free if request.constraints is None else request.constraints
+        asked = request.constraints or free
         asked = asked.mean_heading(wrapped(measured.heading + turned + measured.later - anchor.yaw))
         more = np.zeros(2)
         if direction is None:
@@ -140,6 +140,19 @@ class Course:
         ahead, most = np.array([cos(self.direction), sin(self.direction)]), FASTER / CATCHING_UP
         slow = float(np.clip(self.slow + speed - ahead @ measured.velocity, -most, most))
         return replace(self, slow=slow), CATCHING_UP * slow * ahead
+
+    def _turned(
+        self, request: Condition, turn: float, measured: _Measured, past: Motion, free: Constraints
+    ) -> tuple[Course, Condition]:
+        """The course and the request of a window that turns by an angle [rad]."""
+        before = None if self.settled else self.heading
+        begins, error = before is None, 0.0 if before is None else wrapped(before - measured.heading)
+        known = measured.heading + float(np.clip(error, -MOST_TURNED, MOST_TURNED))
+        # Who begins to turn is half a window behind who turns already, and the end of the last one does not show it.
+        heading = known + (turn / 2 if begins else turn)
+        later = measured.later + ((1 - END) / 2 * turn if begins else 0.0)
+        asked = (request.constraints or free).mean_heading(wrapped(heading + later - Anchor.after(past).yaw))
+        return Course(heading=wrapped(heading), settled=False), replace(request, constraints=asked)
 
     def _led(self, measured: _Measured, *, sideways: bool) -> tuple[Course, Float]:
         """The course, and a place of the line that the next window is to be on, (2,) [m]."""
