@@ -3,7 +3,7 @@
 Roll-outs of the live source from standing over prompts that no model was trained on (`benchmarks/shared/prompts.yaml`),
 windows joined as they are handed on. A judge of its own differentiates the motion anew and applies the ground forces in
 MuJoCo's inverse dynamics (`flexmotion/evaluation/ground.py`). Beside it: the same noise without the projection, as
-decoded and as planted. Fails where the root's residual is above 2 % of body weight (mean force), the zero-moment point
+decoded and as planted (`Sampler(balanced=False)`). Fails where the root's residual is above 2 % of body weight (mean force), the zero-moment point
 outside the soles in more than 2 % of the frames with contact, jerk above 1.5 times or skate above 1.2 times that of the
 planted motion.
 """
@@ -63,7 +63,7 @@ class Row:
 
 
 class Before(Sampler):
-    """Samples as planted, with the forces as decoded; keeps what was decoded."""
+    """Samples as planted, with the forces as decoded, on the same course; keeps what was decoded, which is on none."""
 
     decoded: list[Motion]
     moved: list[float]
@@ -72,22 +72,22 @@ class Before(Sampler):
         """See `Sampler.extend`."""
         features = self.features(history, condition, seed)
         decoded = decode(features, self.layout, self.body, Anchor.after(history))
-        planted = self.planted(features, history, condition)
+        found = super().extend(history, condition, seed)
         self.decoded.append(decoded)
-        self.moved.append(distance(decoded, planted))
-        return Delivered(history[max(0, len(history) - EDGE) :], planted)
+        self.moved.append(distance(decoded, self.planted(features, history, condition)))
+        return found
 
 
 class After(Sampler):
-    """Samples as delivered; keeps how far from the planted motion."""
+    """Samples as delivered; keeps how far from the planted motion, which `unbalanced` samples."""
 
+    unbalanced: Sampler
     moved: list[float]
 
     def extend(self, history: Motion, condition: Condition, seed: int) -> Delivered:
         """See `Sampler.extend`."""
         found = super().extend(history, condition, seed)
-        planted = self.planted(self.features(history, condition, seed), history, condition)
-        self.moved.append(distance(planted, found.window))
+        self.moved.append(distance(self.unbalanced.sample(history, condition, seed), found.window))
         return found
 
 
@@ -173,7 +173,8 @@ def main(
 ) -> Outcome:
     """Stream prompts and judge their forces."""
     opened = open_bundle(bundle)
-    before, after = Before(opened, steps), After(opened, steps)
+    before, after = Before(opened, steps, balanced=False), After(opened, steps)
+    after.unbalanced = Sampler(opened, steps, balanced=False)
     cases = [(kind.kind, prompt) for kind in prompt_kinds() for prompt in kind.wordings]
     rows = [
         measured(before, after, kind, prompt, seed, windows)
