@@ -3,9 +3,9 @@
 Roll-outs of the live source from standing over prompts that no model was trained on (`benchmarks/shared/prompts.yaml`),
 windows joined as they are handed on. A judge of its own differentiates the motion anew and applies the ground forces in
 MuJoCo's inverse dynamics (`flexmotion/evaluation/ground.py`). Beside it: the same noise without the projection, as
-decoded and as planted (`Sampler(balanced=False)`). Fails where the root's residual is above 2 % of body weight (mean force), the zero-moment point
-outside the soles in more than 2 % of the frames with contact, jerk above 1.5 times or skate above 1.2 times that of the
-planted motion.
+decoded and as planted (`Sampler(balanced=False)`). Fails where the root's residual is above 2 % of body weight (mean
+force), the zero-moment point outside the soles in more than 2 % of the frames with contact, jerk above 1.5 times or
+skate above 1.2 times that of the planted motion.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.prompts import prompt_kinds
-from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.evaluation.ground import judge_ground
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.features.decode import Anchor, decode
