@@ -108,6 +108,12 @@ class Requests:
             return condition
         return replace(condition, noise=min(condition.noise, self._corrections.pose_noise))
 
+    def is_brief(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is a pose that people leave as soon as it is reached."""
+        return (
+            condition.velocity is None and not condition.wordless and phrases.is_brief(self.prompt(condition.text).kind)
+        )
+
     def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
         """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
         if condition.velocity is not None:

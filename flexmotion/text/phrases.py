@@ -84,6 +84,11 @@ def is_pose(kind: str) -> bool:
     return bool(_table().get(ALIASES.get(kind, kind), {}).get("pose", False))
 
 
+def is_brief(kind: str) -> bool:
+    """Whether a kind of motion is a pose that people in clips leave as soon as it is reached."""
+    return bool(_table().get(ALIASES.get(kind, kind), {}).get("pose", False) == "brief")
+
+
 def caption_patterns(kind: str) -> tuple[str, ...]:
     """Regular expressions of captions that tell of a kind of motion."""
     return tuple(_table()[kind].get("captions", ()))

@@ -13,6 +13,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.course import MEASURED_S, Course
+from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.allowed_clips import AllowedClips
@@ -104,6 +105,7 @@ class ModelSource:
         self._pieces = [sampler.standing()]
         self._first = -len(self._pieces[0])
         self._courses: list[tuple[int, Course]] = []  # first frames of windows, and the course after each
+        self._pose: tuple[int, KeptPose] | None = None  # first frame of its words, and the pose that they reached
         self._remarked: str | None = None  # kind of the last message about a target
 
     @property
@@ -315,21 +317,50 @@ class ModelSource:
             return self._append(clip)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
-        asked = self._kept_straight(begin, intent)
+        asked, seed = self._kept_straight(begin, intent), (self.seed << 32) + begin
         if self._holds(begin):
             asked = self.sampler.requests.held(asked)
-        found = self.sampler.extend(history, asked, (self.seed << 32) + begin)
+        found = self.sampler.extend(history, self._in_pose(begin, asked), seed)
+        if self._reaches(begin, asked, found.window):
+            # People leave the pose in the window in which they reach it: from there on it is sampled anew.
+            found = self.sampler.extend(history, self._in_pose(begin, asked), seed)
         self._pieces = [*self._cut(self._first, begin - len(found.before)), found.before]
         self._append(found.window[: change - begin])
 
+    def _in_pose(self, frame: int, asked: Condition) -> Condition:
+        """The condition of a window that begins at a frame, in the pose that its words have reached, if one is kept."""
+        begun, pose = self._begun(frame), self._pose
+        if begun is None or pose is None or begun[0] != pose[0]:
+            return asked
+        kept = pose[1].asked(asked.constraints or self.sampler.free, after=begun[0] + pose[1].frame - frame)
+        return replace(asked, constraints=kept)
+
+    def _reaches(self, frame: int, asked: Condition, window: Motion) -> bool:
+        """Whether a window that begins at a frame reaches the pose of its words, which people would leave at once."""
+        begun = self._begun(frame)
+        if begun is None or not self.sampler.requests.is_brief(asked) or not self._is_endless(frame):
+            return False
+        first = max(begun[0], self._first)
+        if self._pose is not None and self._pose[0] == begun[0] and first + self._pose[1].frame <= frame:
+            return False
+        since = concatenate([*self._cut(first, frame), window])
+        pose = KeptPose.reached(since)
+        self._pose = None if pose is None else (first, pose)
+        return pose is not None
+
+    def _is_endless(self, frame: int) -> bool:
+        """Whether the words at a frame are not to be done a number of times."""
+        begun, current = self._begun(frame), self.program_at(frame)
+        steps = () if current is None or begun is None else current[1].steps
+        amounts = [step.amount for step in steps if begun is not None and step.intent == begun[1]]
+        return all(amount is None or amount.quantity == "time" for amount in amounts)
+
     def _holds(self, frame: int) -> bool:
         """Whether the words at a frame have been followed for long enough, and are not to be done a number of times."""
-        begun, current = self._begun(frame), self.program_at(frame)
+        begun = self._begun(frame)
         if begun is None or not isinstance(begun[1], Text) or frame - begun[0] < _REACHED_S * self.fps:
             return False
-        steps = () if current is None else current[1].steps
-        amounts = [step.amount for step in steps if step.intent == begun[1]]
-        return all(amount is None or amount.quantity == "time" for amount in amounts)
+        return self._is_endless(frame)
 
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""

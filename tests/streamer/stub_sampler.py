@@ -20,6 +20,9 @@ NOISE_M = 1e-3
 POSE, HELD_NOISE = "raise your hand", 0.3
 """Words of the one pose, and the noise with which it is held."""
 
+BRIEF = "hands up"
+"""Words of a pose that people leave at once; the stub's arms do not move."""
+
 SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}
 """Forward [m/s] and turning [rad/s]."""
 
@@ -77,6 +80,9 @@ class StubSampler:
 
     def held(self, condition: Condition) -> Condition:
         return replace(condition, noise=HELD_NOISE) if condition.text == POSE else condition
+
+    def is_brief(self, condition: Condition) -> bool:
+        return condition.text == BRIEF
 
     def meant(self, condition: Condition) -> Condition:
         if condition.velocity is None or condition.pace is None:

@@ -90,6 +90,37 @@ def test_hands_stay_on_the_hips(sampler: Sampler) -> None:
     assert np.ptp(wrists, axis=0).max() < 0.12
 
 
+@pytest.mark.parametrize("words", ["raise your right hand", "raise both hands"])
+def test_raised_hands_stay_up(sampler: Sampler, words: str) -> None:
+    """People in clips raise a hand for half a second: it came down and rose again twelve times in 15 s."""
+    human = forward(stream(sampler, words, 15.0))
+    above = (human.hand[:, :, 2] - human.shoulder[:, :, 2])[:, 1]
+    assert above[30:].min() > -0.1
+
+
+def test_raised_hands_come_down_for_other_words(sampler: Sampler) -> None:
+    it = ModelSource(sampler, [Item(0.0, Text("raise your right hand")), Item(4.0, Text("stand still"))], "test", 1)
+    parts = [it.window(first, 32) for first in range(0, 256, 32)]
+    human = forward(concatenate([part for part in parts if part is not None]))
+    above = (human.hand[:, :, 2] - human.shoulder[:, :, 2])[:, 1]
+    assert above[90:118].min() > 0.0 > above[210:].max()
+
+
+def test_a_pose_is_given_up_with_the_motion_in_which_it_was_reached(sampler: Sampler) -> None:
+    """A target that cuts before the hand was up keeps nothing of the pose that was sampled after the cut."""
+    words = Text("raise your right hand")
+    it = ModelSource(sampler, [Item(0.0, words)], "test", 1)
+    assert it.window(0, 64) is not None
+    played = it.window(0, 6)
+    assert played is not None
+    it.turn_to(Target(1, 1, Text("raise your left hand")), 5, played)
+    after = it.window(6, 150)
+    assert after is not None
+    human = forward(after)
+    above = human.hand[:, :, 2] - human.shoulder[:, :, 2]
+    assert (above[60:, 0] > 0.0).all() and (above[60:, 1] < 0.0).all()
+
+
 def test_a_hand_that_is_raised_twice_comes_down_in_between(sampler: Sampler) -> None:
     wrist = forward(stream(sampler, "raise your right hand twice", 10.0)).wrist[:, 1, 2]
     assert wrist.max() - wrist[wrist.argmax() :].min() > 0.3
