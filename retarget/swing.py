@@ -279,23 +279,33 @@ def _shapes(key: _Key, lengths: Float) -> tuple[Float, list[Shape]]:
 def _outward(effort: SwingEffort, travels: Float) -> list[Shape]:
     """Shapes of travels that grow, from the first on, as far as the servos swing the leg.
 
-    The first that is found is that of `_FIRST_SHAPED`, or of a shorter one where the servos cannot make it; each of the
-    others is found from its neighbour, or without one where that fails.
+    The first that is found is that of `_FIRST_SHAPED`, or of a shorter one where the servos cannot make it; from there
+    on they are found downward, then upward. Where the way down breaks off they are found from the shortest travel on.
     """
-    numbers = range(min(_FIRST_SHAPED, len(travels) - 1), -1, -1)
-    tried = ((number, fastest_shape(effort, _ahead(travels[number]))) for number in numbers)
-    first, shape = next((one for one in tried if one[1] is not None), (0, None))
-    if shape is None:
-        return []
-    found = {first: shape}
-    for numbers, step in ((range(first - 1, -1, -1), 1), (range(first + 1, len(travels)), -1)):
-        for number in numbers:
-            shape = fastest_shape(effort, _ahead(travels[number]), found[number + step])
-            shape = shape or fastest_shape(effort, _ahead(travels[number]))
-            if shape is None:
-                break
-            found[number] = shape
-    return [found[number] for number in range(len(found))] if 0 in found else []
+    for number in range(min(_FIRST_SHAPED, len(travels) - 1), -1, -1):
+        if down := _one_by_one(effort, travels[number::-1]):
+            break
+    if len(down) <= number:
+        return _one_by_one(effort, travels)
+    return down[::-1] + _one_by_one(effort, travels[number + 1 :], down[0])
+
+
+def _one_by_one(effort: SwingEffort, travels: Float, near: Shape | None = None) -> list[Shape]:
+    """Shapes of travels, as far as the servos swing the leg: each from the one before, or without it where that fails.
+
+    Args:
+        near: one like the first; None: there is none.
+    """
+    found = list[Shape]()
+    for travel in travels:
+        shape = fastest_shape(effort, _ahead(travel), near)
+        if shape is None and near is not None:
+            shape = fastest_shape(effort, _ahead(travel))
+        if shape is None:
+            break
+        found.append(shape)
+        near = shape
+    return found
 
 
 def _ahead(travel: float) -> Float:

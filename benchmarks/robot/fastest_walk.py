@@ -1,10 +1,11 @@
 """How fast does the robot walk straight ahead, behind a human that is a little faster, and what does that cost it?
 
 The live model's human walks ahead at more than the robot's fastest, and the robot follows in lockstep, nominal and
-perturbed. Of each run the steady part is measured on the simulated robot's true motion: the way ahead of its centre of
-mass, how late the knees are, how far loaded feet slip, the knees' torque, and whether feet in the air touch the floor.
-Another run walks for minutes, for the servos' temperature. The constraint that binds is what the swing of this walk
-asks most of, by the table that bounds the robot's steps (`retarget/swing.py`).
+perturbed. Of each run the steady part is measured on the simulated robot's true motion: the way of its centre of mass
+along the heading that it began with, how late the knees are, how far loaded feet slip, the knees' torque, and whether
+feet in the air touch the floor. Another run walks for minutes, for the servos' temperature. The constraint that binds
+is what the swing of this walk asks most of, by the table that bounds the robot's steps (`retarget/swing.py`). The
+limits are those of OP3, whichever robot walks; a figure that is not known does not meet its limit.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Annotated, Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from rich.table import Table
 
 from benchmarks.robot.model_run import follow, sampler_of
 from benchmarks.robot.simulation import HEAVY_KG
-from benchmarks.shared.cells import middle, share
+from benchmarks.shared.cells import cell, share
 from benchmarks.shared.options import BundleOption, CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
@@ -34,11 +36,14 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.swing_effort import SwingEffort
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.streamer.control.estimator import yaw_of
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.report.metrics import foot_slip
+
+Float = NDArray[np.float64]
 
 FASTER = 1.25
 """Speed of the human over the fastest walk of the robot, in the scale of the robot's legs."""
@@ -49,7 +54,9 @@ MIDDLE = 0.25, 0.75
 TOUCHES_N = 0.5
 """Ground force of a foot that touches [N]."""
 WALKS, LATE_DEG, SLIPS_MM_S, KNEE = 0.20, 6.0, 5.0, 0.30
-"""Limits: speed [m/s], knees late (p95) [degrees], slip [mm/s], torque of a knee over its stall torque (RMS)."""
+"""Limits of OP3: speed [m/s], knees late (p95) [degrees], slip [mm/s], torque of a knee over its stall torque (RMS)."""
+MEASURED = "speed", "late_deg", "slip_mm_s", "knee", "touched"
+"""Figures of `Row` of the steady part."""
 OF_WHAT = "torque", "voltage", "speed"
 """What a swing asks of a servo, in the order of `SwingEffort.asked`."""
 
@@ -67,15 +74,15 @@ class Task:
 
 @dataclass(frozen=True)
 class Row:
-    """One run; figures of its steady part, None where the robot fell.
+    """One run; figures of its steady part, None where the robot fell or they are not known.
 
     Attributes:
-        speed: of the robot ahead [m/s].
+        speed: of the robot along the heading that it began with [m/s].
         late_deg: distance of the knees from their reference, 95th percentile [degrees].
         slip_mm_s: mean speed of loaded feet [mm/s].
         knee: RMS torque of the more heavily loaded knee over its stall torque.
         touched: share of the swings in whose middle the foot touched the floor.
-        warmest: highest temperature of a servo's windings in the run [°C].
+        warmest: highest temperature of a servo's windings in the rows that are kept [°C]; None: not known.
         violations: goals outside the envelope.
     """
 
@@ -87,7 +94,7 @@ class Row:
     slip_mm_s: float | None
     knee: float | None
     touched: float | None
-    warmest: float
+    warmest: float | None
     violations: int
 
 
@@ -99,41 +106,61 @@ def run(task: Task, bundle: Path | None) -> Row:
     found = follow(robot, source, task.perturbed, task.seed, HEAVY_KG)
     record, report = found.record, found.report
     upright = not report.motion.fell
-    figures = steady(record, robot) if upright else dict.fromkeys(("speed", "late_deg", "slip_mm_s", "knee", "touched"))
-    warmest = float(np.nanmax(record.temperature[-1]))
-    return Row(task.seed, task.perturbed, upright, **figures, warmest=warmest, violations=report.limits.violations_sent)
+    figures = steady(record, robot) if upright else dict[str, float | None].fromkeys(MEASURED)
+    return Row(
+        task.seed,
+        task.perturbed,
+        upright,
+        **figures,
+        warmest=warmest(record.temperature),
+        violations=report.limits.violations_sent,
+    )
+
+
+def warmest(temperature: Float) -> float | None:
+    """The highest temperature of any row and joint, (T, n) [°C]; NaN: not read. None: none was read."""
+    read = temperature[np.isfinite(temperature)]
+    return float(read.max()) if len(read) else None
 
 
 def steady(record: RunTrace, robot: Robot) -> dict[str, float | None]:
-    """The figures of `Row` that belong to the steady part of a run."""
+    """The figures of `Row` that belong to the steady part of a run; None: not known."""
     knees = [int(leg.indices[CHAIN.index("knee")]) for leg in WholeBody(robot).legs]
     source_s = record.source_s
     rows = np.isfinite(source_s) & (source_s >= BEGUN_S)
     ticks = np.flatnonzero(rows)
+    if len(ticks) < 2:
+        return dict.fromkeys(MEASURED)
     first, last = int(ticks[0]), int(ticks[-1])
-    moved = record.true_com[last, :2] - record.true_com[first, :2]
+    yaw = yaw_of(record.true_base[0, 3:])
+    ahead = float((record.true_com[last] - record.true_com[first])[:2] @ [np.cos(yaw), np.sin(yaw)])
     late = np.abs(record.q_ref - record.true_q)[rows][:, knees]
     torque = np.sqrt(np.mean(record.true_torque[rows][:, knees] ** 2, axis=0)) / robot.stall_torque[knees]
     slip = foot_slip(record.true_foot_velocity[rows], record.true_foot_force[rows], robot.mass * GRAVITY)
-    return {
-        "speed": float(np.linalg.norm(moved)) * record.rate_hz / (last - first),
+    found = {
+        "speed": ahead * record.rate_hz / (last - first),
         "late_deg": float(np.degrees(np.percentile(late, 95))),
         "slip_mm_s": None if slip is None else 1e3 * slip,
         "knee": float(torque.max()),
         "touched": touched(record.contact_ref[rows], record.true_foot_force[rows, :, 2]),
     }
+    return {name: None if value is None or np.isnan(value) else value for name, value in found.items()}
 
 
-def touched(planned: NDArray[np.bool_], force: NDArray[np.float64]) -> float | None:
-    """Share of the swings in whose middle a foot bears something; planned contact and ground force, (T, 2) [N]."""
+def touched(planned: NDArray[np.bool_], force: Float) -> float | None:
+    """Share of the swings in whose middle a foot bears something; planned contact and ground force, (T, 2) [N].
+
+    Swings that begin before the first row or end after the last do not count. None: there are no others, or a force in
+    the middle of one is not known.
+    """
     found = []
     for foot in (0, 1):
         edges = np.flatnonzero(np.diff(planned[:, foot].astype(int)))
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             if not planned[begin + 1, foot]:
                 low, high = (int(begin + part * (end - begin)) for part in MIDDLE)
-                found.append(bool((force[low:high, foot] > TOUCHES_N).any()))
-    return share(found) if found else None
+                found.append(float(force[low : high + 1, foot].max()))
+    return share([most > TOUCHES_N for most in found]) if found and np.isfinite(found).all() else None
 
 
 def binding(robot: Robot) -> dict[str, Any]:
@@ -178,9 +205,36 @@ def table(rows: Sequence[Row]) -> Table:
             (row.touched, ".0%"),
             (row.warmest, ".0f"),
         )
-        cells = ["-" if value is None else format(value, form) for value, form in figures]
+        cells = [cell(value, form) for value, form in figures]
         out.add_row(str(row.seed), "perturbed" if row.perturbed else "", "yes" if row.upright else "fell", *cells)
     return out
+
+
+def group_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """Figures of runs: medians over those upright; None where there is none, or one of them is not known."""
+    up = [row for row in rows if row.upright]
+    columns = {name: [getattr(row, name) for row in up] for name in MEASURED}
+    medians = {name: median(column) if column and None not in column else None for name, column in columns.items()}
+    outside = sum(row.violations for row in rows)
+    return medians | {"upright": share([row.upright for row in rows]), "runs": len(rows), "outside": outside}
+
+
+def verdicts(name: str, group: dict[str, Any]) -> list[Verdict]:
+    """What the runs of a group must keep; `group`: of `group_of`."""
+    speed, late, slip, knee = (group[key] for key in MEASURED[:4])
+    up, runs = round(group["upright"] * group["runs"]), group["runs"]
+    return [
+        Verdict(f"{name}: upright {up} of {runs} (all)", up == runs),
+        Verdict(f"{name}: {cell(speed, '.3f')} m/s (>= {WALKS:.2f})", speed is not None and speed >= WALKS),
+        Verdict(f"{name}: knees late, p95: {cell(late, '.1f')}° (<= {LATE_DEG:g})", _within(late, LATE_DEG)),
+        Verdict(f"{name}: slip {cell(slip, '.1f')} mm/s (<= {SLIPS_MM_S:g})", _within(slip, SLIPS_MM_S)),
+        Verdict(f"{name}: knee RMS over stall {cell(knee)} (<= {KNEE:.2f})", _within(knee, KNEE)),
+        Verdict(f"{name}: goals outside the envelope: {group['outside']} (0)", group["outside"] == 0),
+    ]
+
+
+def _within(value: float | None, limit: float) -> bool:
+    return value is not None and value <= limit
 
 
 def main(
@@ -208,31 +262,18 @@ def main(
     if csv_out is not None:
         write_csv(csv_out, [asdict(row) for row in rows])
     figures: dict[str, Any] = {"human": speed, "binding": bound}
-    measured = ("speed", "late_deg", "slip_mm_s", "knee", "touched")
-    verdicts = []
+    found = list[Verdict]()
     for name in ("nominal", "perturbed"):
-        own = [row for row in rows if row.perturbed == (name == "perturbed")]
-        figures[name] = {key: middle([getattr(row, key) for row in own]) for key in measured}
-        figures[name] |= {"upright": share([row.upright for row in own]), "runs": len(own)}
-        reached = figures[name]["speed"] or 0.0
-        verdicts.append(Verdict(f"{name} walk: {reached:.3f} m/s (>= {WALKS:.2f})", reached >= WALKS))
-    hardest, most = next(iter(bound["hardest"].items()))
-    upright = sum(row.upright for row in rows)
-    sent = sum(row.violations for row in rows)
-    late, slip, knee = (middle([getattr(row, key) for row in rows]) or 0.0 for key in measured[1:4])
-    verdicts += [
-        Verdict(f"upright: {upright} of {len(rows)} (all)", upright == len(rows)),
-        Verdict(f"knees late, p95: {late:.1f}° (<= {LATE_DEG:g})", late <= LATE_DEG),
-        Verdict(f"slip: {slip:.1f} mm/s (<= {SLIPS_MM_S:g})", slip <= SLIPS_MM_S),
-        Verdict(f"knee RMS over stall: {knee:.2f} (<= {KNEE:.2f})", knee <= KNEE),
-        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
-    ]
+        figures[name] = group_of([row for row in rows if row.perturbed == (name == "perturbed")])
+        found += verdicts(name, figures[name])
     if minutes:
         model = load_robot(robot)
         long = run(Task(robot, speed, first, False, 60.0 * minutes), bundle)
         limit = min(servo.temperature_limit for servo in model.servos)
         figures["long"] = asdict(long) | {"minutes": minutes}
-        cool = long.upright and long.warmest < limit
-        verdicts.append(Verdict(f"warmest servo after {minutes:g} min: {long.warmest:.0f} °C (< {limit:g})", cool))
+        cool = long.upright and long.warmest is not None and long.warmest < limit
+        sentence = f"warmest servo after {minutes:g} min: {cell(long.warmest, '.0f')} °C (< {limit:g})"
+        found.append(Verdict(sentence, cool))
+    hardest, most = next(iter(bound["hardest"].items()))
     figures["hardest"] = f"{hardest}: {most:.2f}"
-    return Outcome(verdicts, figures)
+    return Outcome(found, figures)

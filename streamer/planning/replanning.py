@@ -179,7 +179,7 @@ class Replanner:
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
         now_s, newest = self.ledger.now_s(), self.made.plan(int(row.pending) or int(row.plan))
-        bent = self.head.bent(newest, tick - early)
+        bent = partial(self.head.bent, newest, tick - early)
         self.restrictions.update(row, tick - early, now_s, self.parts.held, bent)
         self.parts.update(row, tick - early, now_s, stand if pose is None else pose)
         travels, restrictions = self._travels, self.restrictions.restrictions

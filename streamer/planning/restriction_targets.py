@@ -127,14 +127,16 @@ class RestrictionTargets:
             self._answers.unfollowed(target, "superseded", "it was let go right after it")
         self._waiting = []
 
-    def update(self, row: TickRow, tick: float, now_s: float, upper: Float, bent: str | None = None) -> None:
+    def update(
+        self, row: TickRow, tick: float, now_s: float, upper: Float, bent: Callable[[], str | None] = lambda: None
+    ) -> None:
         """Take what has arrived, and answer what is known.
 
         Args:
             row: newest one of the loop.
             tick: of the loop, at the time `now_s` of the planner's clock.
             upper: angles at which arms and head are held, by `UpperBody.joints`, (C,) [rad].
-            bent: why legs need more torque than a stand does, so that none can be capped; None: they do not.
+            bent: gives why legs need more torque than a stand does, so that none can be capped; None: they do not.
         """
         ended = ended_by(row)
         self._outlive(row)
@@ -269,7 +271,7 @@ class RestrictionTargets:
     def _planted(self) -> set[int]:
         return {foot for one in self._held if isinstance(one.intent, Contact) for foot in one.binds}
 
-    def _begin(self, target: Target, born: float, upper: Float, bent: str | None) -> None:
+    def _begin(self, target: Target, born: float, upper: Float, bent: Callable[[], str | None]) -> None:
         """Let a target hold. Raises `ConfigError` where it cannot; names what is valid."""
         intent = part_of_words(target.intent) or target.intent
         if isinstance(intent, Relax):
@@ -293,7 +295,7 @@ class RestrictionTargets:
         if self._planted - before and self.stays is not None:
             self._on_planted(self.stays)
 
-    def _bound(self, intent: Restriction, upper: Float, bent: str | None) -> frozenset[int]:
+    def _bound(self, intent: Restriction, upper: Float, bent: Callable[[], str | None]) -> frozenset[int]:
         """What a restriction binds, see `_Held`. Raises `ConfigError` where it cannot hold; names what is valid."""
         match intent:
             case Contact():
@@ -319,11 +321,12 @@ class RestrictionTargets:
             raise ConfigError(f"tension: {robot.name} has no {missing[0].replace('_', ' ')}; expected one of: {known}")
         return frozenset(LIMBS.index(limb) for limb in intent.limbs)
 
-    def _capped(self, intent: TorqueCap, upper: Float, bent: str | None) -> frozenset[int]:
+    def _capped(self, intent: TorqueCap, upper: Float, bent: Callable[[], str | None]) -> frozenset[int]:
         """The columns of the joints that are capped. Raises `ConfigError` where standing needs more."""
         joints = joints_named(self._retargeter.robot, intent.joint)
-        if bent is not None and not set(joints.values()).isdisjoint(map(int, self._retargeter.legs)):
-            raise ConfigError(f"torque: {bent}")
+        of_legs = not set(joints.values()).isdisjoint(map(int, self._retargeter.legs))
+        if of_legs and (reason := bent()) is not None:
+            raise ConfigError(f"torque: {reason}")
         rest = self._retargeter.robot.stand_pose[self._retargeter.body.upper.joints]
         needs = np.maximum(*(np.abs(self._retargeter.holding_torque(angles)) for angles in (rest, upper)))
         name, joint = max(joints.items(), key=lambda named: float(needs[named[1]]))

@@ -168,8 +168,10 @@ class StepRunner:
         program = found[1]
         if self._coming is not None and program.number == self._coming.number:
             self._coming = None
-        self._place = stopping_place(row, stands_at)
-        if self._program is None or program.number != self._program.number:
+        begins = self._program is None or program.number != self._program.number
+        if begins or self._phase is not _Phase.OVER:  # else nothing is measured by it, and it is half of the work here
+            self._place = stopping_place(row, stands_at)
+        if begins:
             self._abandon("superseded", row)
             self._begin(program, row)
         elif program is not self._program:

@@ -62,16 +62,19 @@ def test_goals_stay_inside_the_envelope(walk: Walk, perturbed: bool) -> None:
 
 
 def test_a_wild_policy_is_clamped(walk: Walk) -> None:
-    """Every action is at its bound, and the robot falls: of 22,900 goals of such robots one was outside."""
+    """Every action is at its bound, and the robot falls. One goal is outside, of a knee that the ground stops.
+
+    The clamp does not foresee that strike: the estimated tilt of this robot is .04 rad off, a corner of its sole 5 mm
+    too high. More than that one would be another cause.
+    """
     rng = np.random.default_rng(5)
-    outside = goals = 0
+    outside = 0
     for seed in range(4):
         walk.begin(SimOptions(seed=seed), 0.2)
         while walk.time < 3.0 and not walk.fell:
             walk.step(10.0 * rng.standard_normal(ACTIONS))
         outside += walk.walker.driver.violations
-        goals += walk.walker.ticks * walk.robot.n
-    assert outside <= goals / 2_000
+    assert outside <= 1
 
 
 def test_right_and_left_are_one_task(walk: Walk) -> None:

@@ -150,10 +150,29 @@ def test_a_foot_in_the_air_goes_on_from_where_it_is_as_fast_as_it_is(
     np.testing.assert_allclose(landed, np.tile(found[0].target, (2, 1)), atol=1e-9)
 
 
+def answered_speed(error: tuple[float, float], number: int, part: float) -> float:
+    """Most speed of a joint of a leg whose foot is in the air, over its no-load speed, after an answer.
+
+    Args:
+        error: of the divergent component [m].
+        number: of the step of `PLAN`.
+        part: of the time from its lift on, until the foot is too near to its landing to be moved.
+    """
+    settled = PLAN.steps[number]
+    tick = settled.lift + 1 + round(part * (settled.land - settled.lift - 14))
+    leg = RETARGETER.body.legs[settled.side].indices
+    state = PLAN.states[tick].copy()
+    RETARGETER.answer(RETARGETER.layout.view(state), tick, np.array(error))
+    first = RETARGETER.next_frame(state, tick, AHEAD.fps)
+    after = RETARGETER.plan(state, AHEAD[first : first + 40], first, tick)
+    return float((np.abs(after.qd[: settled.land - tick, leg]) / NO_LOAD[leg]).max())
+
+
 @settings(max_examples=25)
 @given(error=errors, number=st.integers(0, 2), part=st.floats(0.0, 1.0))
 @example(error=(0.06, 0.0), number=0, part=0.5)
 @example(error=(0.03, 0.0), number=1, part=0.6)
+@example(error=(0.03, 0.0), number=2, part=0.625)
 @example(error=(0.04, 0.0), number=2, part=1.0)
 @example(error=(-0.07, 0.0), number=1, part=0.4)
 @example(error=(0.0, 0.05), number=1, part=1.0)
@@ -162,17 +181,22 @@ def test_no_answer_in_the_air_asks_a_servo_for_much_more_than_its_no_load_speed(
 ) -> None:
     """Went wrong: halfway through a swing a new way had the whole swing's time, and the knee 2.2 times its speed.
 
-    The swings of a fast walk are at .98 of it already, so that answers pass it: by up to .11 in 125 of them.
+    The swings of a fast walk are at 1.01 of it already. Their joints pass it where the foot is bent, even where the
+    foot gets no faster: by up to .18 in 3,362 answers.
     """
-    settled = PLAN.steps[number]
-    # From the lift on, until the foot is too near to its landing to be moved.
-    tick = settled.lift + 1 + round(part * (settled.land - settled.lift - 14))
-    leg = RETARGETER.body.legs[settled.side].indices
-    state = PLAN.states[tick].copy()
-    RETARGETER.answer(RETARGETER.layout.view(state), tick, np.array(error))
-    first = RETARGETER.next_frame(state, tick, AHEAD.fps)
-    after = RETARGETER.plan(state, AHEAD[first : first + 40], first, tick)
-    assert (np.abs(after.qd[: settled.land - tick, leg]) <= 1.15 * NO_LOAD[leg]).all()
+    assert answered_speed(error, number, part) <= 1.2
+
+
+def test_a_foot_is_bent_as_fast_as_its_joints_follow_and_no_faster() -> None:
+    """What bounds answers late in a swing is the speed of the foot over that of the fastest swings, .84 (`_BENT`).
+
+    It is chosen for what its joints are asked for. Of these answers that is 1.137 of their no-load speed, with .78
+    1.096, and with .9 1.22.
+    """
+    directions = [(np.cos(around), np.sin(around)) for around in np.arange(8) * np.pi / 4]
+    errors = [(size * x, size * y) for size in (0.05, 0.1) for x, y in directions]
+    asked = [answered_speed(error, number, part) for number in (1, 2) for part in (0.9, 0.95, 1.0) for error in errors]
+    assert max(asked) == pytest.approx(1.137, abs=0.022)
 
 
 def test_a_foot_in_the_air_has_some_way_left() -> None:

@@ -7,8 +7,11 @@ from hypothesis import strategies as st
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.retarget import swing
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.swing import Swings
+from flexmotion.retarget.swing_effort import SwingEffort
+from flexmotion.retarget.swing_shapes import Shape
 
 poses = st.tuples(*[st.floats(-0.1, 0.1)] * 2, st.just(0.0), st.floats(-0.4, 0.4)).map(np.array)
 PHASE = np.linspace(0.0, 1.0, 501)
@@ -100,3 +103,19 @@ def test_servos_that_cannot_swing_a_leg_are_refused(retargeter: Retargeter) -> N
     weak.usable_torque = weak.stall_torque = 0.02 * weak.usable_torque
     with pytest.raises(RetargetError, match=r"op3\.yaml: .* gait\.clearance .* gait\.walk_hip_height"):
         Swings.of(weak, retargeter.body.legs, retargeter.omega)
+
+
+@pytest.mark.parametrize(("fail", "walks"), [({7}, 7), ({2}, 2), ({4, 5, 6}, 4), ({0}, 0)])
+def test_a_shape_that_is_not_found_bounds_the_swings_and_refuses_no_robot(
+    retargeter: Retargeter, monkeypatch: pytest.MonkeyPatch, fail: set[int], walks: int
+) -> None:
+    """Went wrong: shapes are found from a long travel down; where one failed on the way, the robot was refused."""
+    lengths = np.linspace(0.1, 1.0, 10)
+
+    def found(effort: SwingEffort, travel: np.ndarray, near: Shape | None = None) -> Shape | None:
+        number = int(np.argmin(np.abs(lengths - travel[0])))
+        return None if number in fail else Shape(np.zeros(1), np.zeros(1), float(number))
+
+    monkeypatch.setattr(swing, "fastest_shape", found)
+    effort = SwingEffort(retargeter.robot, retargeter.body.legs, retargeter.omega)
+    assert [shape.seconds for shape in swing._outward(effort, lengths)] == list(range(walks))
