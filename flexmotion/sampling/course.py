@@ -27,15 +27,25 @@ MEASURED_S = 32 / 30
 side within it [s]."""
 
 MOST_TURNED, MOST_ASIDE = np.radians(20.0), 0.1
-"""Greatest change of heading, and way to its line, that one window is asked for [rad, m]: a step aside of who walks. Of
-.2 m and more the walk's heading suffers (2 to 4.5°)."""
+"""Greatest error of the heading, and way to its line, that one window is asked to make up for [rad, m]: a step aside of
+who walks. Of .2 m and more the walk's heading suffers (2 to 4.5°)."""
 
-MOST_LATER = 0.2
+MOST_SWING = 0.2
 """Greatest difference of the mean headings of the end of a gait cycle and of all of it that is a pelvis's own [rad]."""
+
+FARTHEST = np.pi - 0.3
+"""A window is asked to turn by no more than this: further on, the other way round is nearer [rad]."""
+
+SLIGHT = 0.05
+"""Slower turns than this go along a line that turns [rad/s]; of others no place is asked."""
 
 SUMMED, MOST_SUM = 0.3, 1.0
 """Share of the sum of the ways to its line of a walk sideways that is asked for on top, and the most of that sum [m]: a
 model that walks ahead meanwhile does so in every window."""
+
+SAME_WAY, SAME_SPEED = np.radians(20.0), 0.1
+"""A line whose direction changes by no more than this goes on [rad], else a new one begins where the body is. What was
+lacked before counts on at a speed that changes by no more [m/s]."""
 
 CATCHING_UP, FASTER = 0.1, 0.4
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
@@ -50,36 +60,39 @@ RESTING = 0.1
 TRAVELLING = 0.25
 """Words of an unknown speed travel where the body is faster than this [m/s], else they are done in place."""
 
-BAND, NEAR = np.radians(2.0), 0.04
-"""Within this of its heading and place a motion of words of an unknown speed is left alone [rad, m]: most gestures
-swing the pelvis, and a commanded velocity holds it."""
+NEAR = 0.04
+"""Within this of its place a motion of words of an unknown speed is asked for no velocity, which would hold the pelvis
+of a gesture [m]."""
 
 LOST = np.radians(45.0)
 """A heading that is off by more did not drift: the motion turns by itself (a dance), and its heading is the new one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Course:
     """Heading and place of a motion; made once, then `followed` window by window.
 
     Attributes:
-        heading: to keep, or of a turn where it leads by the end of the next window, as a mean [rad]; None: not known.
-        settled: whether the heading can be taken from the motion; it cannot in a turn, and right after it.
-        place: point of the line to walk along, or where to stand, (2,) [m].
+        led: headings to have had in the frames that are measured, (N,), up to the begin of the next window [rad]; None:
+            not known yet.
+        rate: turning of the last window that was asked for [rad/s].
+        place: point of the line to walk along, beside the body, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
         rested: whether who stands came to rest, at its place.
         aside: sum of the ways to the line that a walk sideways was off it [m].
         slow: sum of what the speed lacked [m/s].
+        frames: for which the request has been followed.
         request: what it is followed for.
     """
 
-    heading: float | None = None
-    settled: bool = True
+    led: Float | None = None
+    rate: float = 0.0
     place: tuple[float, float] = (0.0, 0.0)
     direction: float | None = None
     rested: bool = False
     aside: float = 0.0
     slow: float = 0.0
+    frames: int = 0
     request: Condition | None = None
 
     def followed(
@@ -87,9 +100,9 @@ class Course:
         request: Condition,
         own: Velocity | None,
         past: Motion,
-        seconds: float,
         free: Constraints,
         noise: float = 1.0,
+        played: int | None = None,
     ) -> tuple[Course, Condition]:
         """The course after the next window, and what that window is to be asked for.
 
@@ -98,92 +111,80 @@ class Course:
             own: velocity at which it is done: that of the request, or the one that its words are known for; None:
                 unknown.
             past: the motion so far, at least `MEASURED_S` of it where it is that long.
-            seconds: length of a window.
             free: constraints of the model that ask for nothing.
             noise: of windows that are asked for a velocity, relative to others: with less of it their speed is nearer.
+            played: frames of the last window that are part of the motion; None: all of it. Another target cuts it.
         """
-        measured = _Measured.of(past)
-        if own is not None and own[2]:
-            return self._turned(request, own[2] * seconds, measured, past, free)
-        if not self.settled:
-            return Course(), request
+        frames, measured = len(free.mask), _Measured.of(past)
+        window, played = frames / past.fps, frames if played is None else played
         # Words of an unknown speed go at the one that is measured.
         going = own[:2] if own is not None else measured.velocity if measured.speed > TRAVELLING else (0.0, 0.0)
+        rate = 0.0 if own is None else own[2]
         direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
-        course, heading = self._on(request, direction, measured)
-        error = wrapped(heading - measured.heading)
-        away = course._away(measured) if direction is None else np.zeros(2)
-        if own is None and direction is None and abs(error) < BAND and float(np.hypot(*away)) < NEAR:
-            return course, request
-        turned, anchor = float(np.clip(error, -MOST_TURNED, MOST_TURNED)), Anchor.after(past)
-        asked = request.constraints or free
-        asked = asked.mean_heading(wrapped(measured.heading + turned + measured.later - anchor.yaw))
+        course, led = self._led_to(measured, past.fps, played)
+        course = replace(course._on(request, direction, measured, played), led=led, rate=rate)
+        # Asked is the mean heading of the window's end, of a body that turns evenly from where it should be by now and
+        # swings as it did.
+        error = wrapped(float(led.mean()) - measured.heading)
+        made_up = float(np.clip(error, -MOST_TURNED, MOST_TURNED))
+        swing = float(np.clip(measured.later - (end_mean(led) - led.mean()), -MOST_SWING, MOST_SWING))
+        anchor = Anchor.after(past)
+        turn = wrapped(float(led[-1]) - anchor.yaw) - error + made_up + rate * window * (1 - END / 2) + swing
+        asked = (request.constraints or free).mean_heading(float(np.clip(turn, -FARTHEST, FARTHEST)))
         more = np.zeros(2)
         if direction is None:
-            # Who is asked for another place of its pelvis leans there; asked for a velocity, it steps.
-            more = RETURNED * away / seconds
-            more = more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
+            course, more = course._back(measured, window)
+            # Near its place a gesture is asked for no velocity: it would hold the pelvis.
+            moves = not rate and (own is not None or float(np.hypot(*more)) > RETURNED * NEAR / window)
         else:
+            moves = not rate or request.velocity is not None  # words of turning turn by themselves
             sideways = abs(going[1]) > abs(going[0])
-            course, line = course._led(measured, sideways=sideways)
-            place = anchor.local(np.array([[*line, 0.0]]))[0, :2]
-            asked = asked.mean_place(place, heading + direction - anchor.yaw)
+            if abs(rate) < SLIGHT:
+                course, line = course._beside(measured, played / frames, sideways=sideways)
+                place = anchor.local(np.array([[*line, 0.0]]))[0, :2]
+                asked = asked.mean_place(place, float(led[-1]) + direction - anchor.yaw)
+            else:
+                course = replace(course, place=measured.place)
             # Sideways models are slow whatever they are asked for, and walk ahead where they are asked for more.
             if own is not None and not sideways:
-                course, more = course._sped(measured, hypot(*going))
-        velocity = (going[0] + float(more[0]), going[1] + float(more[1]), turned / seconds)
-        return course, replace(request, asked=velocity, noise=noise, constraints=asked)
+                course, more = course._sped(measured, hypot(*going), played / frames)
+        request = replace(request, constraints=asked)
+        if not moves:
+            return course, request
+        velocity = (going[0] + float(more[0]), going[1] + float(more[1]), rate + made_up / window)
+        return course, replace(request, asked=velocity, noise=noise)
 
-    def _sped(self, measured: _Measured, speed: float) -> tuple[Course, Float]:
-        """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]."""
-        assert self.direction is not None
-        ahead, most = np.array([cos(self.direction), sin(self.direction)]), FASTER / CATCHING_UP
-        slow = float(np.clip(self.slow + speed - ahead @ measured.velocity, -most, most))
-        return replace(self, slow=slow), CATCHING_UP * slow * ahead
+    @property
+    def heading(self) -> float | None:
+        """To have where the next window begins [rad]; None: not known yet."""
+        return None if self.led is None else float(self.led[-1])
 
-    def _turned(
-        self, request: Condition, turn: float, measured: _Measured, past: Motion, free: Constraints
-    ) -> tuple[Course, Condition]:
-        """The course and the request of a window that turns by an angle [rad]."""
-        before = None if self.settled else self.heading
-        begins, error = before is None, 0.0 if before is None else wrapped(before - measured.heading)
-        known = measured.heading + float(np.clip(error, -MOST_TURNED, MOST_TURNED))
-        # Who begins to turn is half a window behind who turns already, and the end of the last one does not show it.
-        heading = known + (turn / 2 if begins else turn)
-        later = measured.later + ((1 - END) / 2 * turn if begins else 0.0)
-        asked = (request.constraints or free).mean_heading(wrapped(heading + later - Anchor.after(past).yaw))
-        return Course(heading=wrapped(heading), settled=False), replace(request, constraints=asked)
+    def _led_to(self, measured: _Measured, fps: float, played: int) -> tuple[Course, Float]:
+        """The course, and the headings to have had in the last frames, of which so many belong to the last window."""
+        course, led = self, self.led
+        if led is not None:
+            turned = led[-1] + self.rate / fps * np.arange(1, played + 1)
+            led = np.concatenate([led, turned])[-len(led) :]
+        if led is None or abs(wrapped(float(led.mean()) - measured.heading)) > LOST:
+            course, led = Course(), np.full(round(MEASURED_S * fps), measured.heading)
+        return course, led
 
-    def _led(self, measured: _Measured, *, sideways: bool) -> tuple[Course, Float]:
-        """The course, and a place of the line that the next window is to be on, (2,) [m]."""
-        assert self.heading is not None and self.direction is not None
-        angle = self.heading + self.direction
-        left = np.array([-sin(angle), cos(angle)])
-        across = float(left @ np.subtract(measured.place, self.place))
-        step, course = float(np.clip(across, -MOST_ASIDE, MOST_ASIDE)), self
-        if sideways:
-            aside = float(np.clip(self.aside + step, -MOST_SUM, MOST_SUM))
-            course, step = replace(self, aside=aside), step + SUMMED * aside
-        return course, np.asarray(measured.place) - step * left
-
-    def _on(self, request: Condition, direction: float | None, measured: _Measured) -> tuple[Course, float]:
-        """The course for a request, and its heading: the line of another one begins here, the heading stays."""
-        course, heading = self, self.heading
-        if heading is None or abs(wrapped(heading - measured.heading)) > LOST:
-            heading = measured.heading
-            course = Course(heading=heading)
-        travels = direction is not None
-        same = course.request == request and travels == (course.direction is not None)
-        if not same and self._goes_on(request):
-            # At another speed the line stays where its direction does.
-            keeps = direction == course.direction
-            place, aside = (course.place, course.aside) if keeps else (measured.place, 0.0)
-            course = replace(course, place=place, aside=aside, slow=0.0, request=request)
-        elif not same:
-            course = replace(course, place=measured.place, rested=False, aside=0.0, slow=0.0, request=request)
-        if not travels and not course.rested:
-            course = replace(course, place=measured.place, rested=measured.speed <= RESTING)
-        return replace(course, direction=direction), heading
+    def _on(self, request: Condition, direction: float | None, measured: _Measured, played: int) -> Course:
+        """The course for a request: the line of another one begins here, the heading stays."""
+        course, travels = self, direction is not None
+        if self.request == request and travels == (self.direction is not None):
+            course = replace(self, frames=self.frames + played)
+        elif self._goes_on(request) and travels and self.direction is not None:
+            assert direction is not None
+            course = replace(self, frames=self.frames + played, request=request)
+            # At another speed the line stays, beside the body, where its direction does.
+            if abs(wrapped(direction - self.direction)) > SAME_WAY:
+                course = replace(course, place=measured.place, aside=0.0)
+            if self._another_speed(request):
+                course = replace(course, slow=0.0, frames=0)
+        else:
+            course = replace(self, place=measured.place, rested=False, aside=0.0, slow=0.0, frames=0, request=request)
+        return replace(course, direction=direction)
 
     def _goes_on(self, request: Condition) -> bool:
         """Whether a request is the one before at another velocity."""
@@ -192,11 +193,50 @@ class Course:
             return False
         return replace(before, velocity=None, pace=None) == replace(request, velocity=None, pace=None)
 
-    def _away(self, measured: _Measured) -> Float:
-        """From the body to its place, in its own heading, (2,) [m]."""
-        x, y = np.subtract(self.place, measured.place)
+    def _another_speed(self, request: Condition) -> bool:
+        assert self.request is not None and self.request.velocity is not None and request.velocity is not None
+        return hypot(*np.subtract(request.velocity, self.request.velocity)[:2]) > SAME_SPEED
+
+    def _back(self, measured: _Measured, window: float) -> tuple[Course, Float]:
+        """The course of who stands, and the velocity that leads to its place, (2,) [m/s].
+
+        Who is asked for another place of its pelvis leans there; asked for a velocity, it steps.
+        """
+        course = self
+        if not self.rested:
+            course = replace(self, place=measured.place, rested=measured.speed <= RESTING)
+        x, y = np.subtract(course.place, measured.place)
         c, s = cos(measured.heading), sin(measured.heading)
-        return np.array([c * x + s * y, -s * x + c * y])
+        more = RETURNED / window * np.array([c * x + s * y, -s * x + c * y])
+        return course, more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
+
+    def _beside(self, measured: _Measured, share: float, *, sideways: bool) -> tuple[Course, Float]:
+        """The course of who travels, and a place of its line that the next window is to be on, (2,) [m].
+
+        Args:
+            measured: of the motion so far.
+            share: of the last window that was played: what is summed grows by as much.
+            sideways: whether it travels so.
+        """
+        assert self.led is not None and self.direction is not None
+        angle = float(self.led[-1]) + self.direction
+        left, here = np.array([-sin(angle), cos(angle)]), np.asarray(measured.place)
+        across = float(left @ (here - self.place))
+        step, aside = float(np.clip(across, -MOST_ASIDE, MOST_ASIDE)), self.aside
+        if sideways:
+            aside = float(np.clip(aside + share * step, -MOST_SUM, MOST_SUM))
+            step += SUMMED * aside
+        x, y = (float(value) for value in here - across * left)
+        return replace(self, place=(x, y), aside=aside), here - step * left
+
+    def _sped(self, measured: _Measured, speed: float, share: float) -> tuple[Course, Float]:
+        """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]; `share`: see above."""
+        assert self.led is not None and self.direction is not None
+        ahead, slow = np.array([cos(self.direction), sin(self.direction)]), self.slow
+        if self.frames >= len(self.led):  # else the speed before the request is measured too
+            most = FASTER / CATCHING_UP
+            slow = float(np.clip(slow + share * (speed - ahead @ measured.velocity), -most, most))
+        return replace(self, slow=slow), CATCHING_UP * slow * ahead
 
 
 @dataclass(frozen=True)
@@ -218,7 +258,7 @@ class _Measured:
         last = past[max(0, len(past) - round(MEASURED_S * past.fps)) :]
         headings = continuous_heading(last.root_quaternion)
         heading = float(headings.mean())
-        later = float(np.clip(end_mean(headings) - heading, -MOST_LATER, MOST_LATER))
+        later = float(end_mean(headings)) - heading
         x, y = (float(value) for value in last.root_position[:, :2].mean(axis=0))
         moved = last.root_position[-1, :2] - last.root_position[0, :2]
         along = moved * last.fps / max(len(last) - 1, 1)

@@ -51,7 +51,7 @@ class ModelSource:
         seconds: length [s]; None: until a stop.
         pace: greatest speed of the human, so that a robot keeps up (`streamer/motion/robot_pace.py`); None: no limit.
         clips: that targets may name; None: none.
-        straight: whether what is asked without a turn keeps its heading and place (`flexmotion/sampling/course.py`).
+        straight: whether heading, place and turning are kept as they are asked (`flexmotion/sampling/course.py`).
 
     Attributes:
         clips: names of those that targets may name.
@@ -370,11 +370,12 @@ class ModelSource:
         # What was sampled after a cut is forgotten, and so is what it was asked for.
         self._courses = [(at, course) for at, course in self._courses if at < begin]
         past = self._frames(max(begin - round(MEASURED_S * self.fps), self._first), begin)
-        course = self._courses[-1][1] if self._courses else Course()
-        seconds = self.sampler.future / self.fps
-        sampler = self.sampler
+        last, course = self._courses[-1] if self._courses else (begin, Course())
+        sampler, played = self.sampler, begin - last
+        if played > sampler.future:  # a clip was played meanwhile, and led elsewhere
+            course = Course()
         own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
-        course, asked = course.followed(condition, own, past, seconds, sampler.free, noise)
+        course, asked = course.followed(condition, own, past, sampler.free, noise, played)
         self._courses.append((begin, course))
         return asked
 
