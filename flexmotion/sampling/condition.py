@@ -27,7 +27,7 @@ class Condition:
         asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
             of `velocity`; None for no such correction.
         noise: factor of the noise that the window is sampled from.
-        constraints: places, angles, path and forces that are asked of single frames, and means of the path; None for none.
+        constraints: places, angles, path and forces that are asked of single frames, means of the path; None for none.
     """
 
     text: str | None = None

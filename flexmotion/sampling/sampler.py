@@ -45,8 +45,8 @@ class Sampler:
         unjudged: whether to offer what the bundle knows and was not judged to do, as its judges need.
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion (`delivery.py`);
             else they are as planted, with the forces of the decoder, as earlier versions sampled them.
-        corrections: steps by which windows with constraints are corrected (`constraint_solver.py`); with 0 a course acts
-            by velocities alone.
+        corrections: steps by which windows with constraints are corrected (`constraint_solver.py`); with 0 a
+            course acts by velocities alone.
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.

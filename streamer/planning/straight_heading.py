@@ -1,8 +1,8 @@
 """`StraightHeading`: how far a robot that is to go straight would look aside, were its heading that of its human.
 
-A model's human that walks straight, or aside, wanders by some degrees to each side, over many seconds. Its course is
-closed through the model, about 3 s late, and so keeps it in the mean only. But its heading is known before the robot
-takes it over: what it is aside is taken off where the next plan turns the human's heading into the robot's.
+A model's human that walks straight, or aside, keeps its heading in the mean over seconds (`sampling/course.py`), and
+looks aside by up to 20° within one. But its heading is known before the robot takes it over: what it is aside is taken
+off where the next plan turns the human's heading into the robot's.
 """
 
 from __future__ import annotations
