@@ -1,11 +1,12 @@
-"""Does what is asked without a turn keep its heading and its place for minutes?
+"""Does what is asked without a turn keep its heading and its place for minutes, and does a turn end where it is to?
 
 Roll-outs of the live source from standing, of the delivered motion: with its course, and without (`--without`), as
 logs of earlier versions replay. Headings are means over one second and over five, from that of the standing human at
 the begin; a path is judged sideways of the line from there in the direction that was asked for. Standing and gestures
-are judged from the fifth second on, in which the body takes its own stance. Fails where a walk is off by more than 5°
-(means over five seconds) or by more than 5 % of its way sideways, or who stands turns by more than 3° or moves by more
-than 5 cm.
+are judged from the fifth second on, in which the body takes its own stance. Turns of four seconds, on the spot and in a
+walk, end in what was done before; judged is the heading in the two seconds at the end. Fails where a walk, a gesture or
+the end of a turn is off by more than 5° (means over five seconds, or those two), a walk by more than 5 % of its way
+sideways, or who stands turns by more than 3° or moves by more than 5 cm.
 """
 
 from __future__ import annotations
@@ -44,7 +45,21 @@ TRAVELS: tuple[tuple[Intent, tuple[float, float]], ...] = (
     (Velocity(0.0, 0.2, 0.0), ASIDE),
     (Velocity(0.0, -0.2, 0.0), ASIDE),
 )
-IN_PLACE: tuple[Intent, ...] = (Text("stand still"), Text("wave with the right hand"), Text("bow"))
+IN_PLACE: tuple[Intent, ...] = (
+    Text("stand still"),
+    Text("wave with the right hand"),
+    Text("bow"),
+    Text("look to the left"),
+)
+STAND, WALK = Velocity(0.0, 0.0, 0.0), Velocity(0.5, 0.0, 0.0)
+TURNS: tuple[tuple[Velocity, Velocity], ...] = (
+    (STAND, Velocity(0.0, 0.0, 0.5)),
+    (STAND, Velocity(0.0, 0.0, -0.7)),
+    (WALK, Velocity(0.5, 0.0, 0.4)),
+    (WALK, Velocity(0.5, 0.0, -0.4)),
+)
+"""What is asked before and after a turn, and the turn."""
+TURN_S, BEFORE_S, AFTER_S, JUDGED_S = 4.0, 2.0, 6.0, 2.0
 
 HEADING, SIDEWAYS = 5.0, 0.05
 STANDING_HEADING, STANDING_PLACE = 3.0, 0.05
@@ -83,6 +98,17 @@ def sampled(sampler: Sampler, intent: Intent, seconds: float, seed: int, *, stra
         assert part is not None
         parts.append(part)
     return concatenate(parts)
+
+
+def turn_end(sampler: Sampler, around: Velocity, turn: Velocity, seed: int) -> float:
+    """How far a turn ends from where it was asked to [degrees], positive where it went too far."""
+    items = [Item(0.0, around), Item(BEFORE_S, turn), Item(BEFORE_S + TURN_S, around)]
+    source = ModelSource(sampler, items, "straight", seed)
+    frames = round((BEFORE_S + TURN_S + AFTER_S) * sampler.fps)
+    parts = [source.window(first, sampler.future) for first in range(0, frames, sampler.future)]
+    yaw = continuous_heading(concatenate([part for part in parts if part is not None]).root_quaternion)
+    ends = float(np.degrees(yaw[-round(JUDGED_S * sampler.fps) :].mean()))
+    return float(np.sign(turn.turning) * (ends - np.degrees(turn.turning * TURN_S)))
 
 
 def measured(motion: Motion, asked: str, seed: int, axis: tuple[float, float] | None) -> Row:
@@ -150,8 +176,21 @@ def main(
         for seed in range(first, first + seeds):
             motion = sampled(sampler, intent, seconds, seed, straight=not without)
             found[axis is not None].append(measured(motion, in_words(intent), seed, axis))
+    turns = (
+        [
+            (f"{in_words(turn)}, {turn.turning:g} rad/s", turn_end(sampler, around, turn, seed))
+            for around, turn in TURNS
+            for seed in range(first, first + seeds)
+        ]
+        if not without
+        else []
+    )
     console.print(table(found[True], f"Walks of {walk:g} s"))
     console.print(table(found[False], f"Standing {stand:g} s, gestures {walk:g} s"))
+    for name in dict.fromkeys(name for name, _ in turns):
+        console.print(
+            f"turn of {TURN_S:g} s, {name}: beyond by {', '.join(f'{off:.1f}°' for own, off in turns if own == name)}"
+        )
     if csv_out is not None:
         write_csv(csv_out, [vars(row) for rows in found.values() for row in rows])
     walks, stands = found[True], [row for row in found[False] if row.asked == in_words(IN_PLACE[0])]
@@ -159,12 +198,16 @@ def main(
     far = [row for row in walks if row.way > FAR]
     sideways = max((row.aside / row.way for row in far), default=0.0)
     moved = max(row.aside for row in stands)
+    gestures = max(row.mean_heading for row in found[False] if row.asked != in_words(IN_PLACE[0]))
+    beyond = max((abs(off) for _, off in turns), default=0.0)
     return Outcome(
         [
             Verdict(f"worst heading of a walk: {heading:.1f}° (<= {HEADING:g}°)", heading <= HEADING),
             Verdict(f"worst way sideways: {100 * sideways:.1f} % (<= {100 * SIDEWAYS:g} %)", sideways <= SIDEWAYS),
             Verdict(f"worst heading of a stand: {turned:.1f}° (<= {STANDING_HEADING:g}°)", turned <= STANDING_HEADING),
             Verdict(f"farthest from a stand: {100 * moved:.1f} cm (<= 5)", moved <= STANDING_PLACE),
+            Verdict(f"worst heading of a gesture: {gestures:.1f}° (<= {HEADING:g}°)", gestures <= HEADING),
+            *([Verdict(f"worst end of a turn: {beyond:.1f}° (<= {HEADING:g}°)", beyond <= HEADING)] if turns else []),
         ],
         {
             "walk_heading": heading,
@@ -172,5 +215,7 @@ def main(
             "walk_sideways": sideways,
             "stand_heading": turned,
             "stand_place": moved,
+            "gesture_heading": gestures,
+            "turn_end": beyond if turns else None,
         },
     )
