@@ -223,7 +223,7 @@ class Requests:
         # Without words the model reaches a velocity in any manner: on its knees, or with its hands in the air.
         forward, left, turning = condition.velocity
         if self._turns_on_the_spot(condition):
-            return self._turning[turning < 0]
+            return self._turning[int(turning < 0)]
         return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
 
     def _catch_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:

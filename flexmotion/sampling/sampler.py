@@ -261,6 +261,10 @@ class Sampler:
         """See `Requests.meant`."""
         return self.requests.meant(condition)
 
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        """See `Requests.own_velocity`."""
+        return self.requests.own_velocity(condition)
+
     def one_speed(self, condition: Condition) -> float | None:
         """See `Requests.one_speed`."""
         return self.requests.one_speed(condition)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from flexmotion.text.numbers import is_digits, number_at
@@ -22,12 +22,7 @@ _SYMBOLS = {
     "→": " then ",
     "=>": " then ",
     "->": " then ",
-    "mph": " miles per hour ",
-    "kph": " km per hour ",
 }
-_PER = re.compile(r"(?<=[^\W\d_])\s?/\s?(?=(?:s|sec|second|h|hr|hour|min|minute)\b)")
-"""Between the unit of a speed and that of its time: "m/s"."""
-_WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
 _DIGIT = re.compile(r"\d")
 _MINUS = re.compile(r"(?<![^\s(])(?:\u2212\s*|[-\u2013])(?=[\d.])")
 _MINUS_WORD = re.compile(r"(?<![^\s(])(?:\u2212\s*|[-\u2013])(?=([^\W\d_]+|[½¼¾]))")
@@ -37,6 +32,11 @@ _MARKS = frozenset(",.;:!?&")
 
 MINUS = ("minus", "negative")
 """Words of the sign, in front of a number."""
+
+_PER_SIZES = (1.0, 60.0, 3600.0)
+"""Times of a speed: a second, a minute, an hour; "a while" and "a moment" are none [s]."""
+_LATER = ("after", "later", "before", "then", "afterwards", "beforehand")
+"""Words behind a time that begins or ends there: "walk two metres, a second after that wave"."""
 
 _JOINTS = ("and", "or", "to", "of", "more", "then", "further", "extra", "additional", "point", "dozen")
 
@@ -83,15 +83,30 @@ def words_of(sentence: str) -> list[str]:
     text = _MINUS_WORD.sub(_minus, _MINUS.sub("-", text))
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
-    text = _PER.sub(" per ", text)
     if _DIGIT.search(text):
         text = _digits_read(text)
     numbers, words = vocabulary().table["numbers"], list[str]()
-    for word in _WORD.findall(text):
+    for word in _word().findall(text):
+        word = "".join(word.split())  # "m / s"
         parts = word.split("-")
         # "forty-five", "two-step": numbers are read word by word.
         words += parts if len(parts) > 1 and any(part in numbers for part in parts) else [word]
     return ["and" if word == "&" else word for word in words]
+
+
+@lru_cache
+def _word() -> re.Pattern[str]:
+    """A number, a unit of a speed ("m/s"), a word or a punctuation mark."""
+    units = vocabulary().table["units"]
+    ways, times = (
+        "|".join(sorted((unit for name in names for unit in units[name]), key=len, reverse=True))
+        for names in (("length", "angle", "steps"), ("time",))
+    )
+    return re.compile(
+        r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+"
+        rf"|(?:{ways})\s?/\s?(?:{times})(?:[/²]\w*)?(?!\w)"  # "m/s²" is one that no speed has
+        r"|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]"
+    )
 
 
 def _digits_read(text: str) -> str:
@@ -131,23 +146,67 @@ def tokens_of(sentence: str) -> list[Token]:
         found.append(token if same is None else same)
         _join_range(found)
         place += used
-        if (rate := _rate_at(words, place, found[-1])) is not None:
-            found[-1:], place = [rate[0]], place + rate[1]
+        if (rate := _rate_at(words, place, found)) is not None:
+            found[-1:], place = [rate], place + 2
+        if isinstance(found[-1], Rate):
+            _join_rates(found)
             while len(found) > 1 and found[-2] in _rate_words():
                 del found[-2]
     return found
 
 
-def _rate_at(words: list[str], place: int, amount: Token) -> tuple[Rate, int] | None:
-    """The speed that an amount is with the time behind it ("0.3 metres per second"), and how many words that is."""
-    if not isinstance(amount, Amount) or amount.quantity not in ("length", "angle") or amount.rough:
+def _rate_at(words: list[str], place: int, found: list[Token]) -> Rate | None:
+    """The speed that the last amount is with the two words behind it ("0.3 metres per second"); None: it is none."""
+    amount, (per, time, after) = found[-1], [*words[place : place + 3], "", "", ""][:3]
+    if not isinstance(amount, Amount) or amount.quantity not in ("length", "angle"):
         return None
-    quantity, size = vocabulary().units.get(words[place + 1] if place + 1 < len(words) else "", ("", 1.0))
-    counted = words[place + 2 : place + 3] in (["time"], ["step"])  # "a second time"
-    if words[place : place + 1] not in (["per"], ["a"], ["each"], ["every"]) or quantity != "time" or counted:
+    size, counted = _per_size(time), after in ("time", "step")  # "a second time"
+    if per not in ("per", "a", "an", "each", "every") or size is None or counted:
         return None
-    said = f"{amount.said} {words[place]} {words[place + 1]}"
-    return Rate(amount.value / size, amount.quantity == "angle", said), 2
+    if per in ("a", "an") and after in _LATER and not _leads(found[:-1]):
+        return None
+    return Rate(amount.value / size, amount.quantity == "angle", f"{amount.said} {per} {time}", amount.rough)
+
+
+def _per_size(unit: str) -> float | None:
+    """Length of the time that a speed is of [s]; None for a unit that none is of."""
+    quantity, size = vocabulary().units.get(unit, ("", 0.0))
+    return size if quantity == "time" and size in _PER_SIZES else None
+
+
+def _leads(before: list[Token]) -> bool:
+    """Whether tokens end with words that only a speed follows: "at", "at a speed of about"."""
+    for token in reversed(before):
+        if token in ("at", *vocabulary().table["speed_nouns"]):
+            return True
+        if token not in _rate_words():
+            return False
+    return False
+
+
+def _speed_unit(word: str) -> tuple[float, bool] | None:
+    """Size of a unit of a speed ("m/s", "mph"), and whether it is one of a turn; None for another word."""
+    way, _, time = vocabulary().table["speed_units"].get(word, word).partition("/")
+    quantity, length = vocabulary().units.get(way, ("", 0.0))
+    size = _per_size(time)
+    return None if size is None or quantity not in ("length", "angle") else (length / size, quantity == "angle")
+
+
+def _join_rates(found: list[Token]) -> None:
+    """Replace "0.3 to 0.5 m/s", "between 0.3 and 0.5 m/s" at the end of the tokens by one speed that is none."""
+    rate = found[-1]
+    joint = found[-2] if found[-2:-1] and found[-2] in ("or", "to", "and") else "-"
+    first = len(found) - (2 if joint == "-" else 3)
+    lower = found[first] if first >= 0 else ""
+    if not isinstance(rate, Rate) or not (
+        isinstance(lower, Bare | Rate) or (joint != "-" and lower in vocabulary().table["numbers"])
+    ):
+        return
+    said = lower if isinstance(lower, str) else lower.said
+    between = joint if joint == "-" else f" {joint} "
+    found[first:] = [replace(rate, said=f"{said}{between}{rate.said}", vague=True)]
+    if found[-2:-1] == ["between"]:
+        del found[-2]
 
 
 @lru_cache
@@ -249,6 +308,8 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
             return Amount(-token.value, token.quantity, f"{words[place]} {token.said}"), used + 1
         if isinstance(token, Bare):
             return Bare(-token.value, f"{words[place]} {token.said}"), used + 1
+        if isinstance(token, Rate):
+            return replace(token, value=-token.value, said=f"{words[place]} {token.said}"), used + 1
     word, before = words[place], words[place - 1] if place else ""
     after = words[place + 1] if place + 1 < len(words) else ""
     if word in known.table["counts"] and before != "at" and after not in ("more", "again", "you", "you've"):
@@ -267,6 +328,9 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
     if unit in known.table["things"] and not article:
         said = " ".join(words[place : place + used + skipped + 1])
         return Amount(value, "times", said, rough), used + skipped
+    if (speed := _speed_unit(unit)) is not None:
+        end = place + used + skipped + 1
+        return Rate(value * speed[0], speed[1], " ".join(words[place:end]), rough), end - place
     if unit not in known.units or (unit in known.table["revolutions"] and not explicit):
         said = " ".join(words[place : place + used])
         named = words[place] in known.table["numbers"] and value >= LEAST_BARE and not rough

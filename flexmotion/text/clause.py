@@ -14,6 +14,12 @@ NO_KNOWN_WORD = "none of its words is known; the model hears English"
 SAY_A_SPEED = "say one speed with the motion that has it, as in 'walk forward at 0.5 m/s'"
 """Refusal of a speed with a unit that is of no motion."""
 
+ONE_SPEED = "expected one speed, as in 'walk forward at 0.5 m/s'"
+"""Refusal of a range of speeds, and of a rough one."""
+
+PER_TIME = "expected metres, degrees or radians per second, minute or hour, as in 'walk forward at 0.5 m/s'"
+"""Refusal of a speed in another unit."""
+
 
 class Asks(Enum):
     """What a clause asks for: a motion of its own, or something of the motion that is under way."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
-from flexmotion.text.clause import NO_KNOWN_WORD, SAY_A_SPEED, Asks, Clause
+from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
 from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, signed, speed_of
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
@@ -30,6 +31,9 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     words = [token for token in tokens if isinstance(token, str)]
     sentence = " ".join(words)
     rates, tokens = [one for one in tokens if isinstance(one, Rate)], [t for t in tokens if not isinstance(t, Rate)]
+    if len(rates) == 1 and not tokens and not forbidding:
+        # `completed` takes the motion from the request before.
+        return Clause(said, "", rate=rates[0], refusal=_no_speed(rates) or SAY_A_SPEED, joint=part.joint)
     if len(rates) > 1 or (rates and (forbidding or not tokens or _forbids(words))):
         return Clause(said, sentence, refusal=SAY_A_SPEED)
     if forbidding or _forbids(words):
@@ -37,11 +41,12 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
     plain_stop = taught().get(plain(tokens)) == STAND
     stops = words[:1] and words[0] in known.words("stop_verbs")
-    refusal, condition = part.refusal or refusal_of(words), condition_of(words)
+    refusal, condition = part.refusal or _no_speed([*rates, *tokens]) or refusal_of(words), condition_of(words)
     untold = condition is not None and condition not in known.words("allowed_conditions")
     if stops and part.refusal is None and (refusal is not None or untold):
         # "stop wherever you are": whatever else is said, the robot can stop.
-        return Clause(said, words[0], dropped=(*dropped, " ".join(words[1:])))
+        rest = " ".join([*words[1:], *(rate.said for rate in rates)])
+        return Clause(said, words[0], dropped=(*dropped, rest))
     if refusal is not None:
         return Clause(said, sentence, refusal=refusal, dropped=tuple(dropped))
     if not tokens:
@@ -76,6 +81,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
         return Clause(said, stem(named), Asks.AGAIN, None, times, counted, dropped=tuple(dropped), notes=tuple(notes))
+    if asks is Asks.CONTINUE and rates:
+        return Clause(said, "", amount=amount, rate=rates[0], refusal=SAY_A_SPEED, joint=part.joint)
     if asks is not Asks.MOTION and rates:
         return Clause(said, "", refusal=SAY_A_SPEED)
     if asks in (Asks.FASTER, Asks.SLOWER) and (amount is not None or counted):
@@ -118,6 +125,21 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         more=more,
         verbless=not has_verb(own),
     )
+
+
+def _no_speed(tokens: Sequence[Token]) -> str | None:
+    """Why words are no speed although they begin as one: "0.3 to 0.5 m/s", "2 metres per 5 seconds"; None: none do."""
+    vague = next((token for token in tokens if isinstance(token, Rate) and token.vague), None)
+    if vague is not None:
+        return f"{vague.said!r}: {ONE_SPEED}"
+    times = vocabulary().table["units"]["time"]
+    for place, token in enumerate(tokens):
+        before, after = list(tokens[max(place - 1, 0) : place]), list(tokens[place + 1 : place + 2])
+        counts = any(not isinstance(one, str) for one in (*before, *after)) or (after and after[0] in times)
+        # A mark of a unit is left over where its time is none that a speed is of: "m/day".
+        if isinstance(token, str) and ("/" in token or (token == "per" and counts)):
+            return f"{plain([*before, token, *(after if token == 'per' else [])])!r}: {PER_TIME}"
+    return None
 
 
 def _repeats(tokens: list[Token]) -> str | None:

@@ -54,6 +54,9 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
     asked = before is not None and before.asks is Asks.MOTION and before.refusal is None and not before.forbidden
     if clause.forbidden and asked and before is not None and (other := named_side(clause.text.split())) is not None:
         return replace(clause, text=with_side(before.text, other))  # "wave, but not with the left hand"
+    paced = clause.rate is not None and not clause.rate.vague and not clause.text and clause.joint == "then"
+    if before is not None and asked and paced:  # "walk at 0.3 m/s, then at 0.5 m/s", as "then faster"
+        return replace(_like(clause, before, before.text), amount=clause.amount, times=1, counted=False)
     if side is not None and clause.amount is None:
         if before is None and is_repeated(words):
             return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side)

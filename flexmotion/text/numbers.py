@@ -78,7 +78,8 @@ def number_at(words: list[str], place: int) -> Number | None:
 def _with_fraction(words: list[str], place: int, number: Number) -> Number:
     """The number with "and a half", "and three quarters" behind it."""
     end = place + number.used
-    if words[end : end + 1] != ["and"]:
+    # "between 0.3 and 0.5" names two numbers.
+    if words[end : end + 1] != ["and"] or words[place - 1 : place] == ["between"] or number.value % 1.0:
         return number
     rest = number_at(words, end + 1) if end + 1 < len(words) else None
     if rest is None or rest.rough or rest.article or not 0.0 < rest.value < 1.0:

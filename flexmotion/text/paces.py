@@ -30,11 +30,13 @@ class Rate:
 
     Attributes:
         turns: whether it is of a turn [rad/s], else of a way [m/s].
+        vague: the words name no one speed ("0.3 to 0.5 m/s", "a few metres a second").
     """
 
     value: float
     turns: bool
     said: str
+    vague: bool = False
 
 
 def speed_at(words: list[str], place: int) -> tuple[Speed, int] | None:

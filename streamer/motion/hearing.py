@@ -387,21 +387,24 @@ class Hearing:
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
         )
         step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told)
-        if clause.speed != 1.0 and (turn or step.axis != (0, 0)):
+        # What is said in figures counts: "slowly at 0.3 m/s".
+        if clause.rate is None and clause.speed != 1.0 and (turn or step.axis != (0, 0)):
             changed = self.speeds.changed(step, clause.speed)
             if clause.speed < 1.0 and changed is step:
                 raise RefusedError(f"{clause.said!r}: {step.kind} is at its smallest speed already")
             if changed is not step:
                 told = changed.told.model_copy(update={"slowed": None if clause.speed < 1.0 else told.slowed})
                 step = replace(changed, told=told)
-        if clause.rate is not None:
-            step = at_rate(self.speeds, step, clause.rate)
         amount, times = clause.amount, clause.times
         if amount is None and (in_sequence or clause.counted):
             amount = usual_amount(step, times)
             if clause.counted and amount.quantity == "times":
                 amount = replace(amount, said=f"{times} times")
             times = 1 if amount.quantity != "times" else times
+        if clause.rate is not None:
+            spot = amount is not None and amount.quantity == "angle"
+            spot = spot or any(f" {phrase} " in f" {clause.text} " for phrase in table["in_place"])
+            step = at_rate(self.speeds, step, clause.rate, spot)
         if amount is None:
             return step
         if step.kind == STAND and amount.quantity not in ("time", "times"):

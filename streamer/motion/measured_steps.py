@@ -32,8 +32,11 @@ def fits(step: Step) -> tuple[Quantity, ...]:
     return ("time",) if step.kind == STAND else ("time", "times")
 
 
-def at_rate(speeds: Speeds, step: Step, rate: Rate) -> Step:
+def at_rate(speeds: Speeds, step: Step, rate: Rate, on_the_spot: bool) -> Step:
     """The step at a speed with a unit: that of its human, as of a velocity.
+
+    Args:
+        on_the_spot: whether a turn is one; else it goes ahead as its words do, by the same factor.
 
     Raises:
         RefusedError: its motion has no such speed, or it is out of bounds.
@@ -42,12 +45,15 @@ def at_rate(speeds: Speeds, step: Step, rate: Rate) -> Step:
     if way is None or rate.turns != (way == "turn"):
         known = {"turn": "a speed in degrees or radians a second", "walk": "a speed in metres a second"}
         raise RefusedError(f"{rate.said!r}: {step.kind} has {known.get(way or '', 'no speed with a unit')}")
-    signs = (0, 0, step.turn) if step.turn else (*step.axis, 0)
-    fastest = sum(most for most, sign in zip(FASTEST, signs, strict=True) if sign)
+    along = (0.0, 0.0, float(step.turn)) if step.turn else (float(step.axis[0]), float(step.axis[1]), 0.0)
+    own = speeds.model.own_velocity(speeds.model.meant(Condition(step.told.text)))
+    if step.turn and not on_the_spot and own is not None and own[2] * step.turn > 0.0:
+        along = (own[0] / abs(own[2]), own[1] / abs(own[2]), float(step.turn))
+    fastest = min(most / abs(share) for most, share in zip(FASTEST, along, strict=True) if share)
     if not STILL <= rate.value <= fastest:
         unit = "rad/s" if rate.turns else "m/s"
         raise RefusedError(f"{rate.said!r} is {rate.value:.3g} {unit}, expected {STILL:g} to {fastest:g} {unit}")
-    forward, left, turning = (float(sign * rate.value) for sign in signs)
+    forward, left, turning = (share * rate.value for share in along)
     slowed = speeds.slowed(Condition(velocity=(forward, left, turning), pace=speeds.pace))
     told = step.told.model_copy(update={"slowed": slowed})
     return replace(step, intent=Velocity(forward, left, turning, step.told.manner), told=told)

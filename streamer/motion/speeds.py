@@ -33,6 +33,10 @@ class Model(Protocol):
         """The condition with the velocity that its words mean, within its pace."""
         ...
 
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        """Velocity at which a meant condition is done; None where its words are of an unknown speed."""
+        ...
+
     def one_speed(self, condition: Condition) -> float | None:
         """Speed back of a meant condition, where it is the same whatever is asked [m/s]; else None."""
         ...

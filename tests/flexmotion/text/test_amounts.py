@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from flexmotion.text import amounts
-from flexmotion.text.amounts import tokens_of
+from flexmotion.text.amounts import Amount, tokens_of, words_of
+from flexmotion.text.grammar import parse
+from flexmotion.text.paces import Rate
 from flexmotion.text.sayings import sayings
 
 SENTENCES = (
@@ -26,3 +28,89 @@ def test_the_short_way_finds_what_the_long_way_finds(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(amounts, "_counts", lambda word: True)
     assert short == [tokens_of(sentence) for sentence in SENTENCES]
     assert sum(not isinstance(token, str) for found in short for token in found) > 10
+
+
+def rates(sentence: str) -> list[Rate]:
+    return [token for token in tokens_of(sentence) if isinstance(token, Rate)]
+
+
+@pytest.mark.parametrize("sentence", ["walk triumphantly", "wave emphatically", "conduct a symphony"])
+def test_letters_of_a_unit_inside_a_word_are_no_unit(sentence: str) -> None:
+    """The words "walk triumphantly" were read as "walk triu miles per hour antly", and refused for "per hour"."""
+    assert words_of(sentence) == sentence.split()
+    assert all(clause.refusal is None or "per" not in clause.refusal for clause in parse(sentence))
+    for said in ("walk at 3 mph", "walk at 3mph", "walk at three miles per hour", "walk at 3 miles an hour"):
+        assert [rate.value for rate in rates(said)] == pytest.approx([1.34112])
+
+
+def test_a_slash_is_that_of_a_speed_only_behind_its_unit() -> None:
+    """The words "raise your hand/s" became "raise your hand per s", and a refusal quoted "0.3 m per s"."""
+    assert words_of("raise your hand/s") == ["raise", "your", "hand", "s"]
+    for said in ("0.3 m/s", "30 cm/sec", "0.3m / s", "20 degrees/s", "3 km/h"):
+        (rate,) = rates(f"walk at {said}")
+        assert rate.said.replace(" ", "") == said.replace(" ", "")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "amounts_said"),
+    [
+        ("walk 3 metres a second after that wave", ["3 metres", "a second"]),
+        ("walk 2 metres a second after you wave", ["2 metres", "a second"]),
+        ("walk 2 metres a second later wave", ["2 metres", "a second"]),
+        ("walk 2 metres a second before you wave", ["2 metres", "a second"]),
+        ("walk 2 metres a second then wave", ["2 metres", "a second"]),
+        ("walk 2 metres a while", ["2 metres", "a while"]),
+        ("walk 2 metres a moment", ["2 metres", "a moment"]),
+    ],
+)
+def test_a_length_and_a_time_behind_it_are_no_speed(sentence: str, amounts_said: list[str]) -> None:
+    """A walk of 3 m, "a second after that" a wave, was a walk at 3 m/s; "2 metres a while" was one at .4 m/s."""
+    tokens = tokens_of(sentence)
+    assert not rates(sentence)
+    assert [token.said for token in tokens if isinstance(token, Amount)] == amounts_said
+
+
+def test_a_speed_that_is_said_to_be_one_is_one_whatever_follows() -> None:
+    """Without "at", "walk 2 metres a second then wave" is no speed; with it, it stays one."""
+    for sentence in (
+        "walk at 2 metres a second then wave",
+        "walk at a speed of about 2 metres a second after you wave",
+    ):
+        assert [rate.value for rate in rates(sentence)] == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "said"),
+    [
+        ("walk at 0.3 to 0.5 m/s", "0.3 to 0.5 m/s"),
+        ("walk at 0.3-0.5 m/s", "0.3-0.5 m/s"),
+        ("walk between 0.3 and 0.5 m/s", "0.3 and 0.5 m/s"),
+        ("walk at 0.3 or 0.5 metres per second", "0.3 or 0.5 metres per second"),
+        ("walk at a few metres per second", "a few metres per second"),
+        ("walk 2 metres per 5 seconds", "2 metres per 5 seconds"),
+        ("walk 20 cm per 1 second", "20 cm per 1 second"),
+        ("walk at 0.3 m per day", "0.3 m per day"),
+        ("walk at 0.3 m/day", "0.3 m/day"),
+        ("walk 2 m/s/s", "2 m/s/s"),
+        ("walk 2 m/s²", "2 m/s²"),
+        ("walk two steps per second", "two steps per second"),
+    ],
+)
+def test_what_is_no_one_speed_is_refused_by_name(sentence: str, said: str) -> None:
+    """A walk "at 0.3 to 0.5 m/s" was one of 0.5 m at 1.1 m/s, and one "between 0.3 and 0.5" was at 0.8."""
+    (clause,) = parse(sentence)
+    assert clause.refusal is not None and f"{said!r}: expected" in clause.refusal
+    assert "as in 'walk forward at 0.5 m/s'" in clause.refusal
+
+
+def test_two_numbers_behind_between_are_not_added() -> None:
+    """A walk "between 0.3 and 0.5 metres" was one of 0.8 m."""
+    amount = parse("walk between 0.3 and 0.5 metres")[0].amount
+    assert amount is not None and amount.rough and amount.value == pytest.approx(0.4)
+    whole = parse("walk 2 and 1/2 metres")[0].amount
+    assert whole is not None and whole.value == pytest.approx(2.5)
+
+
+def test_per_without_a_number_is_a_word() -> None:
+    """A refusal of every "per" would refuse "walk as per usual"."""
+    assert all(clause.refusal is None for clause in parse("walk as per usual"))

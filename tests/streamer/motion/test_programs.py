@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
@@ -13,10 +14,10 @@ from hypothesis import strategies as st
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.robot import load_robot
-from flexmotion.sampling.sampler import Sampler
+from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import LONGEST_TEXT, Text, Velocity
+from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Text, Velocity
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program
 from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.robot_pace import human_pace
@@ -42,6 +43,12 @@ def hear(hearing: Hearing, say: str, after: str | None = None) -> Program:
 
 def moves(program: Program) -> list[str]:
     return [step.kind for step in program.steps if step.kind != STAND]
+
+
+def velocity_of(program: Program) -> tuple[float, float, float]:
+    intent = program.steps[-1].intent
+    assert isinstance(intent, Velocity)
+    return intent.forward, intent.left, intent.turning
 
 
 @pytest.mark.parametrize("row", REQUESTS, ids=[f"{row.get('after', '')}|{row['say']}" for row in REQUESTS])
@@ -127,6 +134,60 @@ def test_a_speed_with_a_unit_is_that_of_its_motion(hearing: Hearing) -> None:
     slow = hearing(Text("walk at 0.01 m/s")).heard
     assert "0.01 m/s, expected 0.05 to 3 m/s" in str(slow.reason)
     assert "a speed in degrees or radians a second" in str(hearing(Text("turn left at 0.3 m/s")).heard.reason)
+
+
+def test_a_turn_at_a_speed_goes_ahead_as_its_words_do(hearing: Hearing) -> None:
+    """A walk "in a circle to the left at 20 degrees per second" turned on the spot, and was "accepted"."""
+    own = hearing.model.own_velocity(Condition("walk in a circle to the left"))
+    assert own is not None and own[0] > 0.5
+    rate = np.radians(20.0)
+    for words, turning in (("walk in a circle to the left", rate), ("turn right", -rate)):
+        program = hearing(Text(f"{words} at 20 degrees per second"))
+        ahead = own[0] * rate / own[2]
+        assert velocity_of(program) == pytest.approx((ahead, 0.0, turning))
+        assert f"{ahead:.2g} m/s ahead and 0.35 rad/s turning" in program.heard.notes[0]
+    for words in ("turn left on the spot", "turn left 90 degrees", "wave then turn left"):
+        program = hearing(Text(f"{words} at 20 degrees per second"))
+        assert velocity_of(program) == pytest.approx((0.0, 0.0, rate))
+    # Ahead it would be faster than any velocity may be.
+    reason = hearing(Text("turn left at 170 degrees per second")).heard.reason
+    assert f"expected 0.05 to {FASTEST[0] * own[2] / own[0]:.3g} rad/s" in str(reason)
+
+
+def test_a_speed_in_figures_counts_more_than_slowly(hearing: Hearing) -> None:
+    """Without a robot's pace "walk slowly at 0.3 m/s" was refused: "walk is at its smallest speed already"."""
+    for heard_by in (hearing, Hearing(hearing.model, None)):
+        program = heard_by(Text("walk slowly at 0.3 m/s"))
+        assert program.heard.state == "accepted" and program.steps[0].intent == Velocity(0.3, 0.0, 0.0)
+
+
+def test_a_second_speed_is_a_second_walk(hearing: Hearing) -> None:
+    """The words "walk at 0.3 m/s then at 0.5 m/s" were refused, although "then faster" is a second walk."""
+    for words in (
+        "walk at 0.3 m/s then at 0.5 m/s",
+        "walk at 0.3 m/s for 4 seconds, then for 4 seconds at 0.5 m/s",
+        "walk at 0.3 m/s then keep going at 0.5 m/s",
+    ):
+        program = hearing(Text(words))
+        assert [step.intent for step in program.steps] == [Velocity(0.3, 0.0, 0.0), Velocity(0.5, 0.0, 0.0)]
+        assert [str(step.amount) for step in program.steps] == ["4 s", "4 s"]
+        assert program.heard.notes == ("done at a human's 0.3 m/s ahead", "done at a human's 0.5 m/s ahead")
+    refused = hearing(Text("wave, then at 0.5 m/s")).heard
+    assert refused.state == "refused" and "wave-right-hand has no speed" in str(refused.reason)
+    for words in ("at 0.5 m/s", "walk at 0.3 m/s, at 0.5 m/s"):
+        assert "say one speed with the motion" in str(hearing(Text(words)).heard.reason)
+
+
+def test_a_refused_speed_is_quoted_as_it_was_said(hearing: Hearing) -> None:
+    """A refusal of "0.01 m/s" quoted "0.01 m per s"."""
+    for words in ("walk at 0.01 m/s", "turn left at 0.01 m/s", "wave at 0.01 m/s"):
+        assert "'0.01 m/s'" in str(hearing(Text(words)).heard.reason)
+
+
+def test_a_stop_with_a_range_of_speeds_stops_and_says_what_it_dropped(hearing: Hearing) -> None:
+    """What was dropped of "stop at 2 to 3 m/s" would have been empty words."""
+    heard = hearing(Text("stop at 2 to 3 m/s")).heard
+    assert heard.state == "partly" and heard.heard_as == STAND and heard.dropped == ("2 to 3 m/s",)
 
 
 def test_a_speed_that_looks_the_same_is_not_told_to_be_slowed(hearing: Hearing) -> None:
