@@ -15,8 +15,8 @@ Float = NDArray[np.float64]
 RESTING_S = 0.6
 """Time constant of that motion."""
 
-_ARMS = tuple(f"{joint}_{side}" for side in SIDES for joint in ARM_JOINTS)
-_UPPER = [JOINTS.index(name) for name in (*TRUNK_JOINTS, *_ARMS)]
+ARMS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in ARM_JOINTS]
+_UPPER = [*(JOINTS.index(name) for name in TRUNK_JOINTS), *ARMS]
 
 
 def at_rest(motion: Motion, rest: Float) -> Motion:
@@ -27,9 +27,21 @@ def at_rest(motion: Motion, rest: Float) -> Motion:
     Args:
         rest: joint angles, (26,) [rad].
     """
-    # Angle and speed are continuous at the start.
-    passed = np.arange(1, len(motion) + 1)[:, None] / motion.fps / RESTING_S
+    return led_to(motion, rest, _UPPER, RESTING_S)
+
+
+def led_to(motion: Motion, pose: Float, columns: list[int], seconds: float, first: int = 0) -> Motion:
+    """The motion with some joints moved to a pose, from where they are; angles and speeds are continuous.
+
+    Args:
+        motion: a window.
+        pose: joint angles, (26,) [rad].
+        columns: joints that move.
+        seconds: time constant.
+        first: frame of the window in which they begin to.
+    """
+    passed = np.maximum(np.arange(1, len(motion) + 1) - first, 0)[:, None] / motion.fps / seconds
     share = 1.0 - (1.0 + passed) * np.exp(-passed)
     joints = motion.joints.copy()
-    joints[:, _UPPER] += share * (rest[_UPPER] - joints[:, _UPPER])
+    joints[:, columns] += share * (pose[columns] - joints[:, columns])
     return replace(motion, joints=joints)

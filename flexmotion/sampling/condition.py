@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexmotion.features.constraints import Constraints
+from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
 
 
@@ -28,6 +29,7 @@ class Condition:
             of `velocity`; None for no such correction.
         noise: factor of the noise that the window is sampled from.
         constraints: places, angles, path and forces that are asked of single frames, means of the path; None for none.
+        pose: in which the arms are kept; None: they move as sampled.
     """
 
     text: str | None = None
@@ -40,6 +42,7 @@ class Condition:
     asked: tuple[float, float, float] | None = None
     noise: float = 1.0
     constraints: Constraints | None = None
+    pose: KeptPose | None = None
 
     @property
     def constrained(self) -> Constraints | None:

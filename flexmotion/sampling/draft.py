@@ -22,6 +22,7 @@ from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.delivery import Delivered, delivered
+from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.limb_closing import LEG, closed, staying
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
@@ -44,6 +45,7 @@ class Draft:
         remembered: features of the last of them, not normalised, (H, F).
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
+        pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
     """
 
@@ -53,6 +55,7 @@ class Draft:
     remembered: Float32
     balanced: bool
     rest: Float | None
+    pose: KeptPose | None
     source: str
 
     @cached_property
@@ -69,7 +72,9 @@ class Draft:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
         motion, slip = planted_slip(decoded, self._feet_before)
-        return motion if self.rest is None else at_rest(motion, self.rest), slip
+        if self.rest is not None:
+            motion = at_rest(motion, self.rest)
+        return motion if self.pose is None else self.pose.kept(motion), slip
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.

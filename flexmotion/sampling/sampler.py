@@ -181,7 +181,7 @@ class Sampler:
         free = condition.constrained is None or not condition.constrained.of_frames
         rests = free and self.requests.stands(self.meant(condition))
         rest = self._rest if rests else None
-        return Draft(self.layout, self.body, history, remembered, self.balanced, rest, self._source)
+        return Draft(self.layout, self.body, history, remembered, self.balanced, rest, condition.pose, self._source)
 
     def prepare(self) -> None:
         """Make now what the first window with constraints needs: a live planner has no time for that."""

@@ -322,7 +322,7 @@ class ModelSource:
             asked = self.sampler.requests.held(asked)
         found = self.sampler.extend(history, self._in_pose(begin, asked), seed)
         if self._reaches(begin, asked, found.window):
-            # People leave the pose in the window in which they reach it: from there on it is sampled anew.
+            # People leave the pose in the window in which they reach it.
             found = self.sampler.extend(history, self._in_pose(begin, asked), seed)
         self._pieces = [*self._cut(self._first, begin - len(found.before)), found.before]
         self._append(found.window[: change - begin])
@@ -332,8 +332,7 @@ class ModelSource:
         begun, pose = self._begun(frame), self._pose
         if begun is None or pose is None or begun[0] != pose[0]:
             return asked
-        kept = pose[1].asked(asked.constraints or self.sampler.free, after=begun[0] + pose[1].frame - frame)
-        return replace(asked, constraints=kept)
+        return replace(asked, pose=pose[1].later(frame - begun[0]))
 
     def _reaches(self, frame: int, asked: Condition, window: Motion) -> bool:
         """Whether a window that begins at a frame reaches the pose of its words, which people would leave at once."""

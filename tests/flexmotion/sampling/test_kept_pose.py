@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.features.constraint_layout import ROTATIONS
-from flexmotion.features.constraints import Constraints
-from flexmotion.features.layout import Layout
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
-from flexmotion.sampling.kept_pose import ARRIVED, KEYFRAMES, KeptPose
+from flexmotion.sampling.at_rest import ARMS
+from flexmotion.sampling.kept_pose import ARRIVED, KeptPose
 
 ELBOW = JOINTS.index("elbow_flexion_r")
 
@@ -37,14 +35,23 @@ def test_arms_that_are_still_on_their_way_have_no_pose_yet(make_standing: Callab
     assert KeptPose.reached(bending(make_standing(32), angles)) is not None
 
 
-def test_only_arms_are_asked_for_and_only_after_the_pose(make_standing: Callable[..., Motion]) -> None:
-    motion = make_standing(32, elbow_flexion_r=1.2)
-    free = Constraints.none(Layout(motion.fps), motion.body, 32)
-    pose = KeptPose(motion.joints[0], 15)
-    asked = pose.asked(free)
-    frames, columns = np.nonzero(asked.mask)
-    assert len(set(frames)) == KEYFRAMES and max(frames) == 31
-    assert len(set(columns)) == 2 * (6 + 1)  # both shoulders and elbows
-    rotations = asked.layout.blocks[ROTATIONS]
-    assert all(rotations.start <= column < rotations.stop for column in columns)
-    assert min(np.nonzero(pose.asked(free, after=15).mask)[0]) > 15
+def test_arms_that_leave_the_pose_are_led_back_and_nothing_else_moves(make_standing: Callable[..., Motion]) -> None:
+    """Kept by corrections of the latent, arms took the legs along: standing feet slid by 20 cm/s."""
+    angles = np.concatenate([np.linspace(0.2, 1.8, 16), 1.8 - 1.6 * np.linspace(0.0, 1.0, 16) ** 2])
+    window = bending(make_standing(32, knee_flexion_l=0.3), angles)
+    pose = KeptPose.reached(window)
+    assert pose is not None
+    kept = pose.kept(window)
+    assert kept.joints[: pose.frame + 1] == pytest.approx(window.joints[: pose.frame + 1])
+    assert kept.joints[pose.frame :, ELBOW].min() > 1.6 > window.joints[-1, ELBOW]
+    others = [column for column in range(len(JOINTS)) if column not in ARMS]
+    np.testing.assert_array_equal(kept.joints[:, others], window.joints[:, others])
+    # Angles and speeds are continuous.
+    assert np.abs(np.diff(kept.joints[pose.frame - 1 :, ELBOW], n=2)).max() < 0.11
+
+
+def test_later_windows_are_kept_from_their_first_frame_on(make_standing: Callable[..., Motion]) -> None:
+    pose = KeptPose(make_standing(1, elbow_flexion_r=1.8).joints[0], 10).later(32)
+    assert pose.frame == -22
+    window = bending(make_standing(32), 1.8 - 1.6 * np.linspace(0.0, 1.0, 32) ** 2)
+    assert pose.kept(window).joints[:, ELBOW].min() > 1.6

@@ -95,7 +95,9 @@ def test_raised_hands_stay_up(sampler: Sampler, words: str) -> None:
     """People in clips raise a hand for half a second: it came down and rose again twelve times in 15 s."""
     human = forward(stream(sampler, words, 15.0))
     above = (human.hand[:, :, 2] - human.shoulder[:, :, 2])[:, 1]
-    assert above[30:].min() > -0.1
+    assert above[30:].min() > 0.0
+    feet = np.linalg.norm(np.diff(human.ankle[60:, :, :2], axis=0), axis=-1) * 30.0
+    assert np.mean(feet.max(axis=1) > 0.1) < 0.3  # it was .8 where arms were kept by corrections of the latent
 
 
 def test_raised_hands_come_down_for_other_words(sampler: Sampler) -> None:
