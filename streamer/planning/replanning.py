@@ -174,7 +174,7 @@ class Replanner:
         self._drift.update(row)
         self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
-            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
+            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick - early))
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
@@ -436,8 +436,11 @@ class Replanner:
         ledger.settle(row, max(int(row.target), self.made.target_of(pending)), partial(self.made.start_of, row))
         return ledger.wanted
 
-    def _stands_at(self, row: TickRow, tick: int) -> Float:
-        """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
+    def _stands_at(self, row: TickRow, tick: float) -> Float:
+        """Where the robot comes to stand by a stop that is asked for at a tick, or a part of one before it.
+
+        The stop joins by the same lead: one tick earlier, the step that is settled at the later one is not made.
+        """
         join = self.lead.join(Kind.STOP, tick)
         return self.planner.stands_at(join, self.made.plan(self.made.playing_at(join, row)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -402,6 +403,41 @@ def test_a_plan_whose_sampling_took_long_joins_later(op3: Robot, retargeter: Ret
     assert bench.replanner.step(116, early=0.25)
     offer = bench.plans.newest(1)
     assert offer is not None and offer.plan.start_tick == 131
+
+
+class _HalfATick(_SlowSampling):
+    """A lead of half a tick."""
+
+    def join(self, kind: Kind, now: float, spent_s: float | None = None, *, soon: bool = False) -> int:
+        return math.ceil(now + 0.5)
+
+
+def test_a_way_is_measured_by_the_stop_that_would_be_made(
+    op3: Robot, retargeter: Retargeter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the real clock "walk half a metre" ended after .28 m.
+
+    The stop joined one tick before the one that the way was foreseen with, and did not make the step that settled in
+    between.
+    """
+    bench = Bench(op3, retargeter, _HalfATick())
+    joins: list[int] = []
+
+    def stands_at(join: int, plan: object) -> np.ndarray:
+        joins.append(join)
+        return np.zeros(3)
+
+    monkeypatch.setattr(bench.planner, "stands_at", stands_at)
+
+    def update(row: object, *, halted: bool, stands_at: Callable[[], np.ndarray]) -> None:
+        stands_at()
+
+    runner = SimpleNamespace(update=update, wanted=None, aside=0.0, faces=False, over=False, travels=False)
+    monkeypatch.setattr(bench.replanner, "_runner", runner)
+    bench.publish_row(99)
+    for early in (0.0, 0.25, 0.75):
+        bench.replanner.step(100, early=early)
+    assert joins == [_HalfATick().join(Kind.STOP, 100 - early) for early in (0.0, 0.25, 0.75)] == [101, 101, 100]
 
 
 def test_after_any_number_of_refused_plans_the_next_is_made(bench: Bench) -> None:
