@@ -107,6 +107,9 @@ def _walking_refusal(words: list[str], text: str) -> str | None:
     for phrase in known.phrases("shapes"):
         if f" {phrase} " in text and not one_side:
             return f"{phrase!r}: the robot walks straight or in a curve to a side that is said"
+    for word in words[1:]:
+        if word in known.words("to_a_side") and not one_side:
+            return f"{word!r}: to the left or to the right?"
     for phrase in known.phrases("in_place"):
         if f" {phrase} " in text and first not in known.words("turn_verbs") and not one_side:
             return f"{phrase!r}: the robot has no such motion on one spot"

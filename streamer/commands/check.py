@@ -40,7 +40,8 @@ def torque(
     """Check the torque that a motion needs from every servo, at every tick and over time, against the servo's envelope.
 
     Plans the motion as a run would, without running it. Exit code 1 where a servo lacks so much torque that its joint
-    falls behind by more than a swing allows, or would grow too hot within ten minutes of this motion.
+    falls behind by more than a swing allows, or would grow too hot within ten minutes of this motion, or where words
+    were refused.
 
     [bold]Examples[/bold]
 
@@ -57,6 +58,7 @@ def torque(
     from flexmotion.configs.stream import load_stream
     from flexmotion.streamer.checks.torque_check import check_trajectory
     from flexmotion.streamer.checks.torque_text import render_check
+    from flexmotion.streamer.motion.model_source import ModelSource
     from flexmotion.streamer.planning.offline import retarget_offline
 
     chosen = load_robot(robot)
@@ -78,7 +80,11 @@ def torque(
         (options.report / "torque.json").write_text(result.json_text() + "\n", encoding="utf-8")
         picture = write_torque(options.report / "torque.png", trajectory.torque, trajectory.qd, chosen)
         print_note(f"drawn: {picture}")
-    if not result.ok:
+    heard = source.heard_items if isinstance(source, ModelSource) else ()
+    refused = [one.asked for one in heard if one.state == "refused"]
+    if refused:
+        print_note(f"refused, and so not checked: {', '.join(map(repr, refused))}")
+    if refused or not result.ok:
         raise typer.Exit(CHECK_FAILED)
 
 

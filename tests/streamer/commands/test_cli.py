@@ -422,6 +422,12 @@ def test_retarget(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert out.read_text().startswith("time_s,head_pan,")
 
 
+def test_a_torque_check_of_refused_words_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    """It judged the standing robot, and passed."""
+    assert run("check", "torque", "--prompt", "walk sideways", "--seconds", "1") == 1
+    assert "refused, and so not checked: 'walk sideways'" in " ".join(capsys.readouterr().err.split())
+
+
 def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = run("check", "torque", "--clip", str(short_clip), "--json", "--report", str(tmp_path))
     content = json.loads(capsys.readouterr().out)
