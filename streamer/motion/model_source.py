@@ -339,12 +339,11 @@ class ModelSource:
         begun = self._begun(frame)
         if begun is None or not self.sampler.requests.is_brief(asked) or not self._is_endless(frame):
             return False
-        first = max(begun[0], self._first)
-        if self._pose is not None and self._pose[0] == begun[0] and first + self._pose[1].frame <= frame:
+        if self._pose is not None and self._pose[0] == begun[0] and begun[0] + self._pose[1].frame <= frame:
             return False
-        since = concatenate([*self._cut(first, frame), window])
-        pose = KeptPose.reached(since)
-        self._pose = None if pose is None else (first, pose)
+        first = max(begun[0], self._first)  # frames before it were dropped
+        pose = KeptPose.reached(concatenate([*self._cut(first, frame), window]))
+        self._pose = None if pose is None else (begun[0], pose.later(begun[0] - first))
         return pose is not None
 
     def _is_endless(self, frame: int) -> bool:

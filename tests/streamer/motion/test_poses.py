@@ -11,6 +11,8 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -18,7 +20,7 @@ from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.text.phrases import is_pose
 
-from ..stub_sampler import HELD_NOISE, POSE, StubSampler
+from ..stub_sampler import BRIEF, HELD_NOISE, POSE, StubSampler
 
 ARM, WALK = Text(POSE), Text("walk forward")
 
@@ -121,6 +123,23 @@ def test_a_pose_is_given_up_with_the_motion_in_which_it_was_reached(sampler: Sam
     human = forward(after)
     above = human.hand[:, :, 2] - human.shoulder[:, :, 2]
     assert (above[60:, 0] > 0.0).all() and (above[60:, 1] < 0.0).all()
+
+
+def test_a_pose_that_is_reached_late_is_kept_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames are dropped after two seconds: a pose that was reached later was looked for anew in every window."""
+    it, stub = source(Item(0.0, Text(BRIEF)))
+    joints, reached = np.zeros(len(JOINTS)), []
+
+    def late(motion: Motion) -> KeptPose | None:
+        reached.append(len(motion))
+        return KeptPose(joints, len(motion) - 8) if len(reached) == 5 else None
+
+    monkeypatch.setattr(KeptPose, "reached", late)
+    for first in range(0, 320, 32):
+        assert it.window(first, 32) is not None
+    assert len(reached) == 5 and max(reached) < 5 * 32
+    poses = [asked.condition.pose for asked in stub.asked]
+    assert [pose is not None for pose in poses] == [False] * 5 + [True] * (len(poses) - 5)
 
 
 def test_a_hand_that_is_raised_twice_comes_down_in_between(sampler: Sampler) -> None:
