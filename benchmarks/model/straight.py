@@ -6,7 +6,7 @@ the begin; a path is judged sideways of the line from there in the direction tha
 are judged from the fifth second on, in which the body takes its own stance. Turns of four seconds, on the spot and in a
 walk, end in what was done before; judged is the heading in the two seconds at the end. Fails where a walk, a gesture or
 the end of a turn is off by more than 5° (means over five seconds, or those two), a walk by more than 5 % of its way
-sideways, or who stands turns by more than 3° or moves by more than 5 cm.
+sideways, or where a stand turns by more than 3° or moves by more than 5 cm.
 """
 
 from __future__ import annotations

@@ -205,8 +205,7 @@ class ConstraintSolver:
 
     def _missing_means(self, rows: _Rows, pose: WindowPose) -> Float32:
         """What the window lacks of the means that are asked of its path, over their tolerances."""
-        path = pose.values(self._constraints, False)[:, self._constraints.blocks[PATH]]
-        return np.asarray((rows.means - rows.weights @ end_mean(path)) / rows.tolerances, np.float32)
+        return np.asarray((rows.means - rows.weights @ end_mean(pose.path)) / rows.tolerances, np.float32)
 
     def _travelled(self, change: Float32) -> Float32:
         return self._tangent.travel(change, self._layout)

@@ -27,8 +27,8 @@ MEASURED_S = 32 / 30
 side within it [s]."""
 
 MOST_TURNED, MOST_ASIDE = np.radians(20.0), 0.1
-"""Greatest error of the heading, and way to its line, that one window is asked to make up for [rad, m]: a step aside of
-who walks. Of .2 m and more the walk's heading suffers (2 to 4.5°)."""
+"""Greatest error of the heading, and way to its line, that one window is asked to make up for [rad, m]. The way is a
+step aside of a walker: with .2 m a walk is off its heading by up to 4.5°, with .1 m by 2."""
 
 MOST_SWING = 0.2
 """Greatest difference of the mean headings of the end of a gait cycle and of all of it that is a pelvis's own [rad]."""
@@ -52,7 +52,7 @@ CATCHING_UP, FASTER = 0.1, 0.4
 
 RETURNED, FASTEST_RETURN = 2.0, 0.1
 """How many times the distance from its place a window in place is asked to make up for, and its greatest velocity
-[m/s]. A model does a part of a small velocity: who stands for ten minutes is off by 9 cm with .5, 4 with 2."""
+[m/s]. A model makes only a part of a small velocity: after ten minutes a stand is off by 9 cm with .5, by 4 with 2."""
 
 RESTING = 0.1
 """The place of who stands is where the body came to rest: slower than this [m/s]."""

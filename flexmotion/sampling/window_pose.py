@@ -125,6 +125,11 @@ class WindowPose:
         within = human_model(self.body).model.body_ipos
         return self.position + np.einsum("tbij,bj->tbi", self.rotation, within)
 
+    @property
+    def path(self) -> Float:
+        """Place of the pelvis ahead and left, its height [leg], and heading [rad], (W, 4)."""
+        return np.column_stack([self.position[:, PELVIS] / self.body.leg, self.yaw])
+
     def moved(self, shift: Float) -> WindowPose:
         """The same, moved by (W, 3) [m]."""
         return replace(self, position=self.position + shift[:, None], points=self.points + shift[:, None])
@@ -138,7 +143,7 @@ class WindowPose:
         """
         leg, frames = self.body.leg, len(self.yaw)
         found = np.zeros((frames, layout.size))
-        found[:, layout.blocks[PATH]] = np.column_stack([self.position[:, PELVIS] / leg, self.yaw])
+        found[:, layout.blocks[PATH]] = self.path
         found[:, layout.blocks[PLACES]] = self.points.reshape(frames, -1) / leg
         if rotations:
             tree = _tree(self.body)

@@ -86,7 +86,7 @@ def is_pose(kind: str) -> bool:
 
 def is_brief(kind: str) -> bool:
     """Whether a kind of motion is a pose that people in clips leave as soon as it is reached."""
-    return bool(_table().get(ALIASES.get(kind, kind), {}).get("pose", False) == "brief")
+    return _table().get(ALIASES.get(kind, kind), {}).get("pose") == "brief"
 
 
 def caption_patterns(kind: str) -> tuple[str, ...]:

@@ -74,14 +74,8 @@ class Speeds:
         Args:
             live: whether it is a target's: the robot keeps the velocity of one, by its odometry.
         """
-        match step.intent:
-            case Velocity(forward, left, turning):
-                asked = Condition(velocity=(forward, left, turning), pace=self.pace)
-            case Text(text):
-                asked = Condition(text, pace=self.pace)
-            case _:
-                return None
-        speed = self.model.one_speed(self.model.meant(asked))
+        asked = self._asked(step)
+        speed = None if asked is None else self.model.one_speed(self.model.meant(asked))
         if speed is None:
             return None
         kept = live and step.amount is None and isinstance(step.intent, Velocity)
@@ -113,14 +107,17 @@ class Speeds:
 
     def _velocity(self, step: Step) -> tuple[float, float, float] | None:
         """Velocity of a step's human; None where it has none."""
+        asked = self._asked(step)
+        return None if asked is None or not self.model.follows_velocity else self.model.meant(asked).velocity
+
+    def _asked(self, step: Step) -> Condition | None:
+        """What a step asks of the model; None where it is neither words nor a velocity."""
         match step.intent:
             case Velocity(forward, left, turning):
-                condition = Condition(velocity=(forward, left, turning), pace=self.pace)
+                return Condition(velocity=(forward, left, turning), pace=self.pace)
             case Text(text):
-                condition = Condition(text, pace=self.pace)
-            case _:
-                return None
-        return self.model.meant(condition).velocity if self.model.follows_velocity else None
+                return Condition(text, pace=self.pace)
+        return None
 
     def _shown(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
         return velocity if self.pace is None else self.pace.shown(velocity)
