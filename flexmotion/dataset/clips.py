@@ -31,9 +31,10 @@ LOOSE = (".bvh", ".amc", ".npy", ".trc", ".c3d")
 
 ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")
 
-DESCRIBING = ("content", "style", "action", "subject", "start_s", "end_s", "around")
+DESCRIBING = ("content", "style", "action", "subject", "start_s", "left_s", "end_s", "around")
 """Columns of an index that describe a clip: its kind of motion (`content` or `action`), manner and subject; from when
-to when it shows that kind [s], and the kind that it shows before and after, where it does not show it all the time."""
+to when it shows that kind, when it begins to leave it [s], and the kind that it shows before and after, where it does
+not show it all the time."""
 
 LICENCES = {
     "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",

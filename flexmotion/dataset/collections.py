@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +18,11 @@ COMMERCIAL = frozenset({"cmu"})
 may not be sold. A collection that is not named here is taken for one that does not."""
 
 FREE = "commercial"
-"""Name of the selection of all collections in `COMMERCIAL`."""
+"""Name of the selection of all collections in `COMMERCIAL`, with captions of `FREE_CAPTIONS` alone."""
+
+FREE_CAPTIONS = frozenset({"cmu_index", "gesture"})
+"""Sources of captions whose terms allow products: descriptions of the database itself, and of made gestures. Those of
+motion-language sets are for research."""
 
 
 @dataclass(frozen=True)
@@ -29,25 +34,35 @@ class SelectedSet:
     Args:
         source: the whole set.
         names: of the collections.
+        captions: sources of the captions that are kept; None: all of them.
     """
 
     source: MotionSet
     names: frozenset[str]
+    captions: frozenset[str] | None = None
 
-    @property
+    @cached_property
     def clips(self) -> tuple[SetClip, ...]:
         """Every clip of these collections."""
-        return tuple(clip for clip in self.source.clips if clip.info.get("collection") in self.names)
+        return tuple(self._described(clip) for clip in self.source.clips if clip.info.get("collection") in self.names)
+
+    def _described(self, clip: SetClip) -> SetClip:
+        if self.captions is None:
+            return clip
+        kept = [caption for caption in clip.info["captions"] if caption["source"] in self.captions]
+        return replace(clip, info=clip.info | {"captions": kept})
 
     @property
     def hashes(self) -> dict[str, str]:
         """Hash of the whole set, and the selection."""
-        return self.source.hashes | {"only": ", ".join(sorted(self.names))}
+        captions = {} if self.captions is None else {"captions": ", ".join(sorted(self.captions))}
+        return self.source.hashes | {"only": ", ".join(sorted(self.names))} | captions
 
     def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
         """See `MotionSet`."""
-        chosen = {clip.name for clip in self.clips}
-        return (clip for clip in self.source.select(split, variant) if clip.name in chosen)
+        for clip in self.clips:
+            if split in (None, clip.split) and variant in (None, clip.variant):
+                yield clip
 
     def motion(self, clip: SetClip) -> Motion:
         """See `MotionSet`."""
@@ -87,7 +102,7 @@ def only(source: MotionSet, names: Iterable[str]) -> MotionSet:
     chosen = frozenset(COMMERCIAL & there if FREE in asked else ()) | (asked - {FREE})
     if unknown := sorted(chosen - there):
         raise ConfigError(f"--only {unknown[0]}: the set has no such collection, expected {', '.join(sorted(there))}")
-    selected = SelectedSet(source, chosen)
+    selected = SelectedSet(source, chosen, FREE_CAPTIONS if asked == {FREE} else None)
     if not any(clip.split == "train" for clip in selected.clips):
         raise ConfigError(f"--only {', '.join(sorted(asked))}: the set has no clip for training of it")
     return selected

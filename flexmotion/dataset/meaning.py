@@ -23,7 +23,8 @@ UNREADABLE = re.compile(
 
 
 SHOWN = 0.25
-"""Least share of a window in which a clip shows its kind, for the window to be of that kind."""
+"""Least share of a window in which a clip shows its kind, for the window to be of that kind; and greatest share that
+has passed when a gesture is left, for the window to be of the kind around it."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +34,35 @@ class Shown:
     Attributes:
         start, end: in the clip [s].
         around: kind of motion before and after.
+        left: when its last pose is left, on the way to what is around it [s]; None where that is not known.
     """
 
     start: float
     end: float
     around: str
+    left: float | None = None
 
     def covers(self, first: float, last: float) -> bool:
-        """Whether a window from `first` to `last` [s] is of the clip's kind."""
+        """Whether a window from `first` to `last` [s] is of the clip's kind: shows it, and does not leave it.
+
+        Who is asked for a pose keeps it until something else is asked for. A model that was taught the way back by the
+        pose's own name lowers its hands by chance.
+        """
+        if self.left is not None and last > self.left:
+            return False
         return min(self.end, last) - max(self.start, first) >= SHOWN * (last - first)
+
+    def leaves(self, first: float, last: float) -> bool:
+        """Whether a window leaves the gesture so late that it is neither of its kind nor of what is around it."""
+        return self.left is not None and first + SHOWN * (last - first) < self.left < last
 
 
 def shown(labels: Mapping[str, str]) -> Shown | None:
-    """When a clip shows its kind, by `start_s`, `end_s` and `around` of its index; None: all the time."""
+    """When a clip shows its kind, by `start_s`, `end_s`, `left_s` and `around` of its index; None: all the time."""
     if not labels.get("end_s"):
         return None
-    return Shown(float(labels["start_s"]), float(labels["end_s"]), labels["around"])
+    left = labels.get("left_s")
+    return Shown(float(labels["start_s"]), float(labels["end_s"]), labels["around"], float(left) if left else None)
 
 
 def clip_kind(labels: Mapping[str, str], captions: Sequence[str]) -> str:

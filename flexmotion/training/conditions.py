@@ -18,6 +18,7 @@ from flexmotion.text.phrases import STAND, wordings
 from flexmotion.text.sides import mirrored
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
+from flexmotion.training.lowered import lowers_hands
 from flexmotion.training.manner_conditions import NONE, Manners
 from flexmotion.training.strokes import without_stroke
 
@@ -172,6 +173,8 @@ class Sentences:
             if part is not None and window is not None and part.covers(*window):
                 # A nod moves little and a held pose nothing, but neither is standing.
                 choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
+            elif part is not None and window is not None and part.leaves(*window):
+                continue
             elif part is not None:
                 choice = self._of_kind[part.around]
             elif still[at]:
@@ -251,7 +254,8 @@ def describe(
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
     times = None if first is None else np.stack([first, first + future.shape[1]], axis=1) / store.layout.fps
     rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times)
-    rows[without_stroke([sentences.kinds[clip] for clip in clips], future, store.layout)] = NONE
+    kinds = [sentences.kinds[clip] for clip in clips]
+    rows[without_stroke(kinds, future, store.layout) | lowers_hands(kinds, future, store.layout)] = NONE
     has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop.sentence)
     has_velocity = rng.random(len(rows)) >= drop.velocity
     width = sentences.embeddings.shape[1]

@@ -295,15 +295,13 @@ class DiffusionTask:
 
     def _sampled(self, windows: Windows, conditions: Conditions, noise: Tensor) -> Tensor:
         """The model's own windows after some histories, (N, W, F)."""
-        diffusion, device = self.config.diffusion, self.processes.device
-        noisy, count = noise.to(device), len(noise)
-        times = torch.linspace(diffusion.steps - 1, 0, diffusion.roll_out_steps + 1).round().long().tolist()[:-1]
         with torch.no_grad(), self.processes.mixed_precision():
-            for now, earlier in zip(times, [*times[1:], -1], strict=True):
-                time, target = (torch.full((count,), at, device=device) for at in (now, earlier))
-                clean = self.denoise(noisy, time, windows.history, conditions)
-                noisy = self.noise.step(noisy, clean.float(), time, target)
-            return self.decode(windows.history, noisy).float()
+            latent = self.noise.denoised(
+                noise.to(self.processes.device),
+                self.config.diffusion.roll_out_steps,
+                lambda noisy, time: self.denoise(noisy, time, windows.history, conditions),
+            )
+            return self.decode(windows.history, latent).float()
 
     def validate(self) -> dict[str, float]:
         """Losses over all times of the schedule."""

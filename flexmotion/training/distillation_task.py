@@ -7,6 +7,8 @@ clean latent at both. Request and manner have scales of their own (Brooks et al.
 
 from __future__ import annotations
 
+from functools import cached_property, partial
+
 import torch
 from torch import Tensor
 
@@ -14,7 +16,10 @@ from flexmotion.configs.model import ModelConfig
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.draws import normal, uniform
-from flexmotion.training.examples import Examples, SetExamples
+from flexmotion.training.examples import Example, Examples, SetExamples
+
+VALIDATION = 256
+"""Windows whose samples are compared with the teacher's."""
 
 
 def guided(full: Tensor, any_manner: Tensor, unconditional: Tensor, guidance: Tensor) -> Tensor:
@@ -61,7 +66,7 @@ class DistillationTask:
     def _losses(self, key: tuple[int, ...], batch: int) -> tuple[Tensor, dict[str, Tensor]]:
         teacher, distillation = self.teacher, self.config.distillation
         device, example = teacher.processes.device, self.examples.draw(key, batch)
-        history, latent, conditions = example.history, example.latent, example.conditions
+        latent = example.latent
         place = (uniform((*key, 2), (batch,)) * distillation.grid).long()
         earlier_place = place - distillation.skip
         time = self._grid[place].to(device)
@@ -71,23 +76,51 @@ class DistillationTask:
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad(), teacher.processes.mixed_precision():
-            full, any_manner, unconditional = (
-                teacher.denoise(noisy, time, history, one).float()
-                for one in (conditions, conditions.without_manner(), conditions.unconditional())
-            )
-            clean = guided(full, any_manner, unconditional, guidance)
+            clean = self._taught(example, guidance, noisy, time)
             stepped = teacher.noise.step(noisy, clean, time, earlier)
-            request = (conditions.sentence, conditions.velocity, conditions.manner, conditions.present)
-            inputs = (history, *request, guidance)
-            target = self.network(stepped, earlier.clamp(min=0), *inputs).float()
+            target = self._estimated(example, guidance, stepped, earlier.clamp(min=0)).float()
             target = torch.where(earlier[:, None] < 0, clean, target)
         with teacher.processes.mixed_precision():
-            found = self.network(noisy, time, *inputs)
+            found = self._estimated(example, guidance, noisy, time)
         delta = distillation.huber
         loss = torch.nn.functional.huber_loss(found.float(), target, delta=delta)
         return loss, {"consistency": loss}
 
     def validate(self) -> dict[str, float]:
-        """Loss on the same windows every time."""
-        loss, _ = self._losses((self.seed, 32), 512)
-        return {"loss": float(loss)}
+        """How far the student's samples are from its teacher's after the same noise: windows, conditions, noise alike.
+
+        The loss of the training does not tell: it is least for a student that has not learnt anything yet.
+        """
+        example, guidance, noise, expected = self._samples
+        steps = self.config.distillation.sampling_steps
+        with torch.no_grad(), self.teacher.processes.mixed_precision():
+            found = self.teacher.noise.denoised(noise, steps, partial(self._estimated, example, guidance))
+        return {"loss": float((found - expected).square().mean())}
+
+    @cached_property
+    def _samples(self) -> tuple[Example, Tensor, Tensor, Tensor]:
+        """Windows of the validation, guidance, noise, and the latents that the teacher makes of it."""
+        teacher, diffusion = self.teacher, self.config.diffusion
+        example = self.examples.draw((self.seed, 32), VALIDATION)
+        noise = normal((self.seed, 33), tuple(example.latent.shape)).to(teacher.processes.device)
+        guidance = noise.new_tensor([[diffusion.guidance, diffusion.manner_guidance]]).expand(len(noise), -1)
+        with torch.no_grad(), teacher.processes.mixed_precision():
+            steps = diffusion.sampling_steps
+            expected = teacher.noise.denoised(noise, steps, partial(self._taught, example, guidance))
+        return example, guidance, noise, expected
+
+    def _estimated(self, example: Example, guidance: Tensor, noisy: Tensor, time: Tensor) -> Tensor:
+        """The student's estimate of the clean latents."""
+        asked = example.conditions
+        request = (asked.sentence, asked.velocity, asked.manner, asked.present)
+        clean: Tensor = self.network(noisy, time, example.history, *request, guidance)
+        return clean
+
+    def _taught(self, example: Example, guidance: Tensor, noisy: Tensor, time: Tensor) -> Tensor:
+        """The teacher's estimate of the clean latents, under guidance."""
+        asked = example.conditions
+        full, any_manner, unconditional = (
+            self.teacher.denoise(noisy, time, example.history, one).float()
+            for one in (asked, asked.without_manner(), asked.unconditional())
+        )
+        return guided(full, any_manner, unconditional, guidance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import torch
@@ -43,3 +44,17 @@ class NoiseSchedule:
         target = torch.where(earlier[:, None] < 0, torch.ones_like(kept), self.kept[earlier.clamp(min=0)][:, None])
         noise = (noisy - kept.sqrt() * clean) / (1 - kept).sqrt().clamp(min=1e-6)
         return target.sqrt() * clean + (1 - target).sqrt() * noise
+
+    def denoised(self, noisy: Tensor, steps: int, estimate: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
+        """The latents that noise leads to, (N, L).
+
+        Args:
+            noisy: the noise, (N, L).
+            steps: of DDIM, spread evenly over the times.
+            estimate: the network: the clean latents of noisy ones at times (N,).
+        """
+        times = torch.linspace(self.steps - 1, 0, steps + 1).round().long().tolist()[:-1]
+        for now, earlier in zip(times, [*times[1:], -1], strict=True):
+            time, target = (torch.full((len(noisy),), at, device=noisy.device) for at in (now, earlier))
+            noisy = self.step(noisy, estimate(noisy, time).float(), time, target)
+        return noisy

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 
 import numpy as np
 import torch
@@ -77,22 +78,17 @@ class OwnSamples:
         model, diffusion = self._model, self._model.config.diffusion
         rest = self._known.statistics.normalise(self._known.rest)[len(self._known.rest) - model.config.window.history :]
         history = torch.from_numpy(rest)[None].expand(ROLL_OUTS, -1, -1).to(self._device)
-        times = torch.linspace(diffusion.steps - 1, 0, STEPS + 1).round().long().tolist()[:-1]
         scales = torch.tensor([[diffusion.guidance, diffusion.manner_guidance]], device=self._device)
         histories, latents, asked = [], [], []
         for window in range(WINDOWS):
             conditions = self._draw(np.random.default_rng((self._seed, 51, window)))
-            noisy = normal((self._seed, 52, window), (ROLL_OUTS, model.autoencoder.latent)).to(self._device)
-            each = (conditions, conditions.without_manner(), conditions.unconditional())
+            noise = normal((self._seed, 52, window), (ROLL_OUTS, model.autoencoder.latent)).to(self._device)
+            estimate = partial(self._guided, history=history, conditions=conditions, scales=scales)
             with torch.no_grad():
-                for now, earlier in zip(times, [*times[1:], -1], strict=True):
-                    time, target = (torch.full((ROLL_OUTS,), at, device=self._device) for at in (now, earlier))
-                    full, any_manner, none = (self._estimate(self._teacher, noisy, time, history, one) for one in each)
-                    clean = guided(full, any_manner, none, scales)
-                    noisy = model.noise.step(noisy, clean, time, target)
-                decoded = model.decode(history, noisy)
+                latent = model.noise.denoised(noise, STEPS, estimate)
+                decoded = model.decode(history, latent)
             histories.append(history)
-            latents.append(noisy)
+            latents.append(latent)
             asked.append(conditions)
             history = decoded[:, decoded.shape[1] - history.shape[1] :]
         row = np.concatenate([one.row for one in asked])
@@ -100,6 +96,12 @@ class OwnSamples:
             torch.cat([getattr(one, name) for one in asked]) for name in ("sentence", "velocity", "manner", "present")
         )
         return torch.cat(histories), torch.cat(latents), Conditions(row, *both)
+
+    def _guided(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions, scales: Tensor) -> Tensor:
+        """The model's estimate under guidance, before it is changed."""
+        each = (conditions, conditions.without_manner(), conditions.unconditional())
+        full, any_manner, none = (self._estimate(self._teacher, noisy, time, history, one) for one in each)
+        return guided(full, any_manner, none, scales)
 
     def _draw(self, rng: np.random.Generator) -> Conditions:
         """Conditions of one window of each roll-out: kinds of motion alike, however many wordings they have."""

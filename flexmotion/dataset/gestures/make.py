@@ -27,7 +27,7 @@ from flexmotion.text.sides import mirrored
 
 INDEX = "gestures_index.csv"
 CAPTIONS = "gestures_captions.csv"
-INDEX_COLUMNS = ("file", "split", "content", "style", "start_s", "end_s", "around", "base")
+INDEX_COLUMNS = ("file", "split", "content", "style", "start_s", "left_s", "end_s", "around", "base")
 
 TRIES = 8
 """Draws for one motion, until one keeps clear of the body and fits its base."""
@@ -55,6 +55,7 @@ class GestureMotion:
         motion: the human.
         base: what it was laid over.
         start, end: of the gesture in the motion [s].
+        left: when its last pose is left [s].
         captions: sentences about it.
     """
 
@@ -63,6 +64,7 @@ class GestureMotion:
     motion: Motion
     base: Base
     start: float
+    left: float
     end: float
     captions: tuple[str, ...]
 
@@ -191,7 +193,7 @@ def _described(gesture: Gesture, motion: Motion, plan: Plan, base: Base, number:
         kind, captions = mirrored(kind), [mirrored(text) for text in captions]
     name = f"gesture_{kind}_{base.clip.name}_{number:03d}"
     motion = replace(motion, source=f"{gesture.kind} over {base.clip.name}")
-    return GestureMotion(name, kind, motion, base, max(plan.start, 0.0), plan.end, tuple(captions))
+    return GestureMotion(name, kind, motion, base, max(plan.start, 0.0), plan.left, plan.end, tuple(captions))
 
 
 def _row(found: GestureMotion) -> tuple[str, ...]:
@@ -202,6 +204,7 @@ def _row(found: GestureMotion) -> tuple[str, ...]:
         found.kind,
         "normal",
         _time(found.start),
+        _time(found.left),
         _time(found.end),
         found.base.ground,
         clip.name,

@@ -77,6 +77,11 @@ class Plan:
         return self.strokes[0].start - self.lead
 
     @property
+    def left(self) -> float:
+        """When the body begins to return to the base [s]."""
+        return self.strokes[-1].start - self.lead
+
+    @property
     def end(self) -> float:
         """When it is back in the base [s]."""
         return self.strokes[-1].end

@@ -99,6 +99,21 @@ def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
         )
 
 
+def test_the_way_back_from_a_pose_is_not_of_its_kind() -> None:
+    """Regression: a model that was asked to hold a hand out lowered it by chance: half of the windows with that label did.
+
+    A window that leaves the pose at once is of what is around it, one that leaves it later is of nothing.
+    """
+    labels = {"content": "nod", "start_s": "1.0", "left_s": "3.0", "end_s": "3.6", "around": "stand"}
+    found = Sentences([clip(labels)], embedded)
+    times = np.array([[0.0, 1.0], [0.5, 1.5], [2.0, 3.0], [2.1, 3.1], [2.7, 3.7], [2.8, 3.8], [3.5, 4.5]])
+    off = np.zeros(len(times), np.bool_)
+    rows = found.draw(np.random.default_rng(0), np.zeros(len(times), np.intp), off, off, times)
+    texts = ["" if row == NONE else found.texts[row] for row in rows]
+    kinds = [next((kind for kind in ("nod", "stand") if text in wordings(kind)), None) for text in texts]
+    assert kinds == ["stand", "nod", "nod", None, None, "stand", "stand"]
+
+
 def test_a_person_s_clips_need_no_labels() -> None:
     """Regression: six clips without an index could not be personalised to."""
     found = Sentences([clip({}), clip({"content": "bow"})], embedded, personal=True)

@@ -82,7 +82,7 @@ def test_a_set_is_built_from_recordings_and_gestures(recordings: Path, tmp_path:
         "salute-left-hand",
         "salute-right-hand",
     }
-    assert all({"start_s", "end_s", "around"} <= one.info["labels"].keys() for one in found)
+    assert all({"start_s", "left_s", "end_s", "around"} <= one.info["labels"].keys() for one in found)
     assert min(one.info["good_share"] for one in found) > 0.95
 
 
