@@ -78,7 +78,6 @@ class Navigator:
     Attributes:
         phase: present phase; over: nothing more is done.
         move: velocity that the human is asked for; zero: it stands, turned by `facing`. None: the robot stands.
-        facing: angle by which a standing human looks to the left of the robot [rad].
         arrived: whether it stands within the tolerance; meaningful once over.
         limit_s: the longest time that it takes [s].
     """
@@ -96,7 +95,7 @@ class Navigator:
     ) -> None:
         self.goal, self.pace, self.size, self.winds, self.manner = goal, pace, size, winds, manner
         self.move: Velocity | None = None
-        self.arrived, self.facing = False, 0.0
+        self.arrived, self._looks = False, 0.0
         self._begin_s, self._attempts = time_s, 0
         self._heading = 0.0  # of the turn under way, whole turns counted
         self._along = np.zeros(2)  # direction of the walk
@@ -114,6 +113,11 @@ class Navigator:
     def over(self) -> bool:
         """Whether it has ended."""
         return self.phase is Phase.OVER
+
+    @property
+    def facing(self) -> float:
+        """Angle by which a standing human looks to the left of the robot [rad]; 0 while none is asked to."""
+        return self._looks if self.phase is Phase.FACE else 0.0
 
     @property
     def asked(self) -> Intent | None:
@@ -178,7 +182,7 @@ class Navigator:
         self._heading, self._steered_s = place[2] + missing, time_s
         if abs(missing) <= _FACE_RAD:
             self._faced_from = float(place[2])
-            self.facing = math.copysign(max(abs(missing), _LEAST_FACE_RAD), missing) - self._bias
+            self._looks = math.copysign(max(abs(missing), _LEAST_FACE_RAD), missing) - self._bias
             self.phase, self.move = Phase.FACE, Velocity(0.0, 0.0, 0.0)
             return
         fastest = TURNING if self.pace is None else min(TURNING, self.pace.turning)
@@ -197,9 +201,9 @@ class Navigator:
         turned = float(place[2]) - self._faced_from
         self._faced_from = None
         if abs(turned) < _NO_STEP_RAD:
-            self._bias -= math.copysign(_FURTHER_RAD, self.facing)
+            self._bias -= math.copysign(_FURTHER_RAD, self._looks)
         else:
-            self._bias = turned - self.facing
+            self._bias = turned - self._looks
 
     # ------------------------------------------------------------ walks
 
