@@ -100,7 +100,7 @@ def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
 
 
 def test_the_way_back_from_a_pose_is_not_of_its_kind() -> None:
-    """Regression: a model that was asked to hold a hand out lowered it by chance: half of the windows with that label did.
+    """Regression: asked to hold a hand out, a model lowered it by chance: half of the windows with that label did.
 
     A window that leaves the pose at once is of what is around it, one that leaves it later is of nothing.
     """
