@@ -71,8 +71,7 @@ class DistillationTask:
         earlier_place = place - distillation.skip
         time = self._grid[place].to(device)
         earlier = torch.where(earlier_place < 0, -1, self._grid[earlier_place.clamp(min=0)]).to(device)
-        low, high = distillation.guidance_low, distillation.guidance_high
-        guidance = (low + (high - low) * uniform((*key, 3), (batch, 2))).to(device)
+        guidance = self._guidance((*key, 3), batch)
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad(), teacher.processes.mixed_precision():
@@ -87,7 +86,7 @@ class DistillationTask:
         return loss, {"consistency": loss}
 
     def validate(self) -> dict[str, float]:
-        """How far the student's samples are from its teacher's after the same noise: windows, conditions, noise alike.
+        """How far the student's samples are from its teacher's, after the same noise and at the same guidance.
 
         The loss of the training does not tell: it is least for a student that has not learnt anything yet.
         """
@@ -100,14 +99,19 @@ class DistillationTask:
     @cached_property
     def _samples(self) -> tuple[Example, Tensor, Tensor, Tensor]:
         """Windows of the validation, guidance, noise, and the latents that the teacher makes of it."""
-        teacher, diffusion = self.teacher, self.config.diffusion
+        teacher, steps = self.teacher, self.config.diffusion.sampling_steps
         example = self.examples.draw((self.seed, 32), VALIDATION)
         noise = normal((self.seed, 33), tuple(example.latent.shape)).to(teacher.processes.device)
-        guidance = noise.new_tensor([[diffusion.guidance, diffusion.manner_guidance]]).expand(len(noise), -1)
+        guidance = self._guidance((self.seed, 34), VALIDATION)
         with torch.no_grad(), teacher.processes.mixed_precision():
-            steps = diffusion.sampling_steps
             expected = teacher.noise.denoised(noise, steps, partial(self._taught, example, guidance))
         return example, guidance, noise, expected
+
+    def _guidance(self, key: tuple[int, ...], count: int) -> Tensor:
+        """Scales of requests and of their manners, (N, 2)."""
+        distillation = self.config.distillation
+        low, high = distillation.guidance_low, distillation.guidance_high
+        return (low + (high - low) * uniform(key, (count, 2))).to(self.teacher.processes.device)
 
     def _estimated(self, example: Example, guidance: Tensor, noisy: Tensor, time: Tensor) -> Tensor:
         """The student's estimate of the clean latents."""
