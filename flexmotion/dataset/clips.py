@@ -38,8 +38,8 @@ not show it all the time."""
 
 LICENCES = {
     "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",
-    "cmu": "CMU Graphics Lab Motion Capture Database, free for research and inside commercial products, not to be resold,"
-    " mocap.cs.cmu.edu, NSF EIA-0196217",
+    "cmu": "CMU Graphics Lab Motion Capture Database, free for research and inside commercial products, not to be"
+    " resold, mocap.cs.cmu.edu, NSF EIA-0196217",
 }
 """Licences of known collections, by the name of their folder, archive or index."""
 
