@@ -45,6 +45,37 @@ def stopping_place(row: TickRow, stands_at: Callable[[], Float] | None) -> Float
     return place
 
 
+class LastRest:
+    """Where a robot rested before the step that it makes: a program's first step may be under way when it begins.
+
+    Args:
+        rate_hz: ticks a second.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rests_ticks = STILL_S * rate_hz
+        self._down_since: int | None = None
+        self._steps = 0
+        self._place: Float | None = None
+
+    def update(self, row: TickRow) -> None:
+        """Take the newest row of the loop."""
+        if not np.all(row.contact_ref):
+            self._steps += self._down_since is not None
+            self._down_since = None
+            return
+        tick = int(row.tick)
+        if self._down_since is None:
+            self._down_since = tick
+        if tick - self._down_since >= self._rests_ticks and np.isfinite(row.odometry).all():
+            self._steps, self._place = 0, np.array(row.odometry, float)
+
+    @property
+    def place(self) -> Float | None:
+        """x, y [m] and heading [rad] in its odometry, (3,); None where it has begun more than one step since."""
+        return None if self._place is None or self._steps > 1 else self._place.copy()
+
+
 class Closing:
     """Tells when to stop: what a robot does grows by whole steps, and it stops at the one that ends nearest."""
 

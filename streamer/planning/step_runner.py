@@ -25,7 +25,7 @@ from flexmotion.streamer.planning.human_ahead import HumanAhead
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_clock import SourceClock
-from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
+from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, LastRest, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import StepProgress, is_raised
 from flexmotion.streamer.planning.straight_heading import StraightHeading
@@ -104,7 +104,7 @@ class StepRunner:
         self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
         self._clock = SourceClock(rate_hz)
         self._walked_tick = -(10**9)
-        self._place = np.zeros(3)
+        self._place, self._last_rest = np.zeros(3), LastRest(rate_hz)
 
     @property
     def faces(self) -> bool:
@@ -156,6 +156,7 @@ class StepRunner:
         """
         if not np.all(row.contact_ref):
             self._walked_tick = int(row.tick)
+        self._last_rest.update(row)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped", row)
             return
@@ -170,7 +171,8 @@ class StepRunner:
             self._coming = None
         begins = self._program is None or program.number != self._program.number
         if begins or self._phase is not _Phase.OVER:  # else nothing is measured by it, and it is half of the work here
-            self._place = stopping_place(row, stands_at)
+            rested = self._last_rest.place if begins else None
+            self._place = stopping_place(row, stands_at) if rested is None else rested
         if begins:
             self._abandon("superseded", row)
             self._begin(program, row)

@@ -143,6 +143,29 @@ def test_a_way_is_measured_in_the_torsos_own_direction() -> None:
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_step_under_way_when_a_program_begins_is_part_of_its_way() -> None:
+    """Walks of half a metre ended after .50 to .67 m: the first step was settled before the program began.
+
+    A robot that was walking makes that step for the program before.
+    """
+    for steps_before, way in ((0, 0.2), (2, 0.5)):  # it stops where half of a step is missing
+        robot = Robot((60, program(step("walk", 0.5, "length", axis=(1, 0)))))
+        robot.row.base_ref[3:], robot.row.com_ref[...] = [1.0, 0.0, 0.0, 0.0], 0.0
+        robot.stands_at = lambda: np.array([0.2, 0.0, 0.0])  # type: ignore[method-assign]
+        robot.run(1.0)
+        for _ in range(steps_before):
+            robot.row.contact_ref[0] = False
+            robot.run(0.3)
+            robot.row.contact_ref[...] = True
+            robot.run(0.1)
+        robot.run(0.99 - 0.4 * steps_before)
+        robot.row.contact_ref[0] = False
+        robot.run(10.0 * (way - 0.02), ahead=0.1)
+        assert not robot.runner.resting
+        robot.run(0.4, ahead=0.1)
+        assert robot.runner.resting
+
+
 def test_a_robot_that_does_not_move_ends_a_step_by_its_limit_and_says_so() -> None:
     robot = Robot((0, program(step("walk", 1.0, "length", limit_s=3.0, axis=(1, 0)), WAIT)))
     robot.run(3.5)
