@@ -183,27 +183,25 @@ class FootstepPlanner:
         if start.placed is not None:
             begun = replace(start, settled=steps)
             return self._to_place(begun, start.placed, after, after + self.timing.ticks(self.sight_s), longer)
-        return self.gather(steps, start.feet, max(after, start.upright), longer, start.planted)
+        return self._gather(start, steps, max(after, start.upright), longer)
 
-    def gather(
-        self,
-        steps: list[Step],
-        feet: Float,
-        after: int,
-        longer: Mapping[int, int] = _NO_LONGER,
-        planted: frozenset[int] = frozenset(),
-    ) -> list[Step]:
-        """The steps, and one more that puts the feet side by side if they would not end so; none of a planted foot.
+    def _gather(self, start: FeetState, steps: list[Step], after: int, longer: Mapping[int, int]) -> list[Step]:
+        """The steps, and one more that puts the feet side by side if they would not end so.
+
+        Who walked ends where the foot in front is: the one that did not land last comes to it. Of a robot that rests
+        the one that landed last comes back. Planted feet stay.
 
         Args:
-            feet: poses of both feet before the steps, (2, 4) [m, m, m, rad].
+            start: the feet before the steps.
             after: first tick from which the robot has nothing else to do.
-            longer: ticks by which the step after them lands later, by its place.
-            planted: as of `FeetState`.
+            longer: as of `end`.
         """
-        if len(planted) == 2:
+        if len(start.planted) == 2:
             return steps
-        feet, side = feet.copy(), 1 if 0 in planted else 0
+        feet, landed = start.feet.copy(), steps[-1].side if steps else int(np.argmax(start.free))
+        side = landed if start.at_rest and not steps else 1 - landed
+        if side in start.planted:
+            side = 1 - side
         for step in steps:
             feet[step.side] = step.target
             after = max(after, step.land)

@@ -230,6 +230,24 @@ def test_feet_in_the_opposite_stride_are_corrected_within_reach(
     assert feet[1, 0] - feet[0, 0] > 0.03
 
 
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("way", [0.1, -0.1])
+def test_a_stop_ends_where_the_foot_in_front_is(retargeter: Retargeter, side: int, way: float) -> None:
+    """Two steps ended after 4 cm: the left foot always came back to the right one, also where it was in front."""
+    feet = retargeter.body.home_feet.copy()
+    target = feet[side] + [way, 0.0, 0.0, 0.0]
+    step = Step(side, 20, 80, feet[side].copy(), target, 0.0)
+    start = FeetState(feet, np.full((2, 2), np.nan), np.full(2, -np.inf), np.zeros(2), [step], at_rest=True)
+    steps = retargeter.footsteps.end(start, [step], 0)
+    assert [one.side for one in steps] == [side, 1 - side]
+    assert steps[-1].target[0] == pytest.approx(target[0])
+    landed = np.where(np.arange(2) == side, 90.0, 60.0)
+    feet[side] = target
+    for at_rest, closes in ((False, 1 - side), (True, side)):
+        start = replace(start, feet=feet, settled=[], free=landed, at_rest=at_rest)
+        assert [one.side for one in retargeter.footsteps.end(start, [], 0)] == [closes]
+
+
 @pytest.mark.parametrize("turn", [-0.5, 0.0, 0.5])
 def test_the_step_that_ends_a_stop_takes_the_time_it_needs(retargeter: Retargeter, turn: float) -> None:
     """From a long stride in a curve it went 1.27 times as far as a turning foot reaches in .4 s."""
@@ -237,7 +255,8 @@ def test_the_step_that_ends_a_stop_takes_the_time_it_needs(retargeter: Retargete
     frame = 0.5 * turn
     ahead = 0.11 * np.array([np.cos(frame), np.sin(frame)]) + 0.12 * np.array([-np.sin(frame), np.cos(frame)])
     feet[0] = [*(feet[1, :2] + ahead), 0.0, turn]
-    (last,) = footsteps.gather([], feet, after=100)
+    start = FeetState(feet, np.full((2, 2), np.nan), np.full(2, -np.inf), np.array([100.0, 60.0]), [], at_rest=True)
+    (last,) = footsteps.end(start, [], 100)
     assert in_time(retargeter.swings, last)
     assert 0.4 <= (last.land - last.lift) / RATE < 0.5
     assert np.hypot(*(last.target - feet[1])[:2]) == pytest.approx(retargeter.body.stand_width)
