@@ -13,7 +13,7 @@ from flexmotion.human.body import Body
 pytest.importorskip("torch", reason="the extra 'train' is not installed")
 
 from flexmotion.text.phrases import wordings
-from flexmotion.training.conditions import Sentences
+from flexmotion.training.conditions import MIXED, Sentences
 from flexmotion.training.feature_store import StoredClip
 from flexmotion.training.manner_conditions import NONE, Manners
 from flexmotion.training.window_set import MOST_NORMAL, normal_weights
@@ -112,6 +112,29 @@ def test_the_way_back_from_a_pose_is_not_of_its_kind() -> None:
     texts = ["" if row == NONE else found.texts[row] for row in rows]
     kinds = [next((kind for kind in ("nod", "stand") if text in wordings(kind)), None) for text in texts]
     assert kinds == ["stand", "nod", "nod", None, None, "stand", "stand"]
+
+
+def test_wordings_are_mixed_within_their_kind() -> None:
+    """Regression: the wordings of a kind differ by more than kinds do, and a model hardly heard which kind was asked.
+
+    An evaluator, which compares sentences, gets them as they are; so do captions.
+    """
+    known: dict[str, int] = {}
+
+    def one_of_many(text: str) -> np.ndarray:
+        return np.eye(400)[known.setdefault(text, len(known))]
+
+    clips = [clip({"content": kind}, ("someone strolls",)) for kind in ("nod", "bow")]
+    found, named = Sentences(clips, one_of_many), Sentences(clips, one_of_many, named=True)
+    row = found.texts.index(wordings("nod")[0])
+    caption = found.texts.index("someone strolls")
+    drawn = found.embedded(np.array([row] * 200 + [caption, NONE]), np.random.default_rng(0)).numpy()
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=1), 1.0, rtol=1e-5)
+    alike = [known[text] for text in wordings("nod")]
+    assert (drawn[:200] > 0).any(axis=0).nonzero()[0].tolist() == sorted(alike)
+    mixed = (drawn[:200] > 0).sum(axis=1) > 1
+    assert mixed.mean() == pytest.approx(MIXED, abs=0.1) and drawn[200, known["someone strolls"]] == 1.0
+    assert (named.embedded(np.array([row] * 50), np.random.default_rng(0)).numpy().max(axis=1) == 1.0).all()
 
 
 def test_a_person_s_clips_need_no_labels() -> None:
