@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,6 @@ from flexmotion.text.spelling import is_foreign, respelled
 
 SAME = 0.99
 """Least cosine of two equal wordings."""
-
-BREADTH = 10.0
-"""Known wordings of a kind are mixed with weights exp(BREADTH x cosine)."""
 
 TRIES = 3
 """Motions that are named to try where a sentence is not understood: those with the nearest wordings."""
@@ -101,12 +98,11 @@ class Prompt:
 class PromptReader:
     """Maps sentences to the wordings that a model was trained with.
 
-    A listener classifies the sentence by kind of motion, and its embedding is replaced by a mixture of known wordings
-    of that kind, weighted by likeness, so that the denoiser only receives embeddings like those of its training. Kinds
-    are not mixed: "to your left" is nearly as near to "turn right" as to "turn left". Known wordings are not
-    classified. The manner is heard apart from the kind. Sentences that are not understood, that name a limb
-    which the motion does not use, prohibitions, and kinds that the model does not offer mean standing still; manners
-    that it does not offer are dropped.
+    A listener classifies the sentence by kind of motion, and its embedding is replaced by the mean of all wordings of
+    that kind: they mean the same, and the denoiser hears single ones less well. Kinds are not mixed: "to your left" is
+    nearly as near to "turn right" as to "turn left". Known wordings are not classified. The manner is heard apart from
+    the kind. Sentences that are not understood, that name a limb which the motion does not use, prohibitions, and kinds
+    that the model does not offer mean standing still; manners that it does not offer are dropped.
 
     Args:
         folder: of the sentence encoder.
@@ -167,11 +163,9 @@ class PromptReader:
             name = kind.replace("-", " ")
             warning = f"{sentence!r}: this model cannot {name} yet, it stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
-        alike = self._kinds == kind
-        mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
         # Standing has one manner.
         manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)
-        return Prompt(_unit(mixture), kind, best, True, share=share, manner=manner, dropped=dropped)
+        return replace(self.meaning(kind), likeness=best, share=share, manner=manner, dropped=dropped)
 
     def manner(self, sentence: str) -> HeardManner:
         """How a sentence asks for its motion, whether the model offers that or not."""
