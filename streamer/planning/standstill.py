@@ -1,4 +1,4 @@
-"""`stopping_place`, `Standstill`: where a robot stands by its own odometry, and when it has come to rest."""
+"""`stopping_place`, `LastRest`, `Standstill`: where a robot stands by its own odometry, and when it came to rest."""
 
 from __future__ import annotations
 
@@ -54,26 +54,37 @@ class LastRest:
 
     def __init__(self, rate_hz: float) -> None:
         self._rests_ticks = STILL_S * rate_hz
+        self._down = np.zeros(2, np.bool_)
         self._down_since: int | None = None
         self._steps = 0
         self._place: Float | None = None
 
     def update(self, row: TickRow) -> None:
-        """Take the newest row of the loop."""
-        if not np.all(row.contact_ref):
-            self._steps += self._down_since is not None
+        """Take the newest row of the loop; rows between two steps may have been missed."""
+        down = np.array(row.contact_ref, np.bool_)
+        if not down.any():  # no plan plays: the next one's odometry may begin anew
+            self._place = None
+        self._steps += bool((self._down & ~down).any())
+        self._down = down
+        if not down.all():
             self._down_since = None
             return
         tick = int(row.tick)
         if self._down_since is None:
             self._down_since = tick
         if tick - self._down_since >= self._rests_ticks and np.isfinite(row.odometry).all():
-            self._steps, self._place = 0, np.array(row.odometry, float)
+            self._steps, self._place = 0, stopping_place(row, lambda: _between(row.foot_ref))
 
     @property
     def place(self) -> Float | None:
-        """x, y [m] and heading [rad] in its odometry, (3,); None where it has begun more than one step since."""
+        """As of `stopping_place`, (3,); None where it is not known, or more than one step has begun since."""
         return None if self._place is None or self._steps > 1 else self._place.copy()
+
+
+def _between(feet: Float) -> Float:
+    """Middle of two feet (2, 4) and their heading, (3,) [m, m, rad]."""
+    middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
+    return middle
 
 
 class Closing:
