@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -143,9 +144,12 @@ class Sentences:
         around = {span.around for span in self._shown if span is not None}
         self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk", *sorted(around))}
         self._mixed = 0.0 if named else MIXED
-        alike = [self._rows(wordings(kind)) for kind in (*self._of_kind, *dict.fromkeys(self.kinds))]
-        self._alike = {int(row): rows for rows in alike for row in rows}
+        alike = {tuple(map(int, self._rows(wordings(kind)))) for kind in {*self._of_kind, *self.kinds}}
         self.embeddings = torch.from_numpy(np.stack([encode(text) for text in self._number])).float()
+        # "sprint" is a wording of running and of dashing: it is mixed with neither.
+        times = Counter(row for rows in alike for row in rows)
+        mixed = [(rows, self.embeddings[list(rows)].numpy()) for rows in alike]
+        self._alike = {row: own for rows, own in mixed for row in rows if times[row] == 1}
 
     def _rows(self, texts: Iterable[str]) -> np.ndarray:
         return np.array([self._number.setdefault(text, len(self._number)) for text in texts], np.intp)
@@ -158,11 +162,12 @@ class Sentences:
     def embedded(self, rows: np.ndarray, rng: np.random.Generator) -> Tensor:
         """Embeddings of rows of `draw`, (N, D), of unit length; most of a denoiser's are mixtures."""
         found = self.embeddings[torch.from_numpy(np.maximum(rows, 0))]
+        values = found.numpy()
         for at, row in enumerate(rows):
             alike = self._alike.get(int(row))
             if alike is not None and rng.random() < self._mixed:
-                weights = torch.from_numpy(rng.dirichlet(np.ones(len(alike)))).float()
-                found[at] = torch.nn.functional.normalize(weights @ self.embeddings[alike], dim=0)
+                mixture = rng.dirichlet(np.ones(len(alike))).astype(np.float32) @ alike
+                values[at] = mixture / np.linalg.norm(mixture)
         return found
 
     def draw(

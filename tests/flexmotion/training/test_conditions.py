@@ -137,6 +137,19 @@ def test_wordings_are_mixed_within_their_kind() -> None:
     assert (named.embedded(np.array([row] * 50), np.random.default_rng(0)).numpy().max(axis=1) == 1.0).all()
 
 
+def test_a_wording_of_two_kinds_is_mixed_with_neither() -> None:
+    """Regression: "sprint" of a clip that runs was mixed with the wordings of dashing."""
+    known: dict[str, int] = {}
+
+    def one_of_many(text: str) -> np.ndarray:
+        return np.eye(400)[known.setdefault(text, len(known))]
+
+    found = Sentences([clip({"content": kind}) for kind in ("run", "dash")], one_of_many)
+    assert "sprint" in set(wordings("run")) & set(wordings("dash"))
+    drawn = found.embedded(np.array([found.texts.index("sprint")] * 20), np.random.default_rng(0)).numpy()
+    assert (drawn[:, known["sprint"]] == 1.0).all()
+
+
 def test_a_person_s_clips_need_no_labels() -> None:
     """Regression: six clips without an index could not be personalised to."""
     found = Sentences([clip({}), clip({"content": "bow"})], embedded, personal=True)
