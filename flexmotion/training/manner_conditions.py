@@ -65,7 +65,7 @@ class Manners:
 
 
 def mean_embedding(said: Iterable[str], encode: Callable[[str], np.ndarray]) -> np.ndarray:
-    """Mean embedding of a manner's wordings, of unit length, (D,)."""
+    """Mean embedding of the wordings of a kind or a manner, of unit length, (D,)."""
     return _unit(np.mean([encode(wording) for wording in said], axis=0))
 
 

@@ -64,8 +64,9 @@ class OwnSamples:
         seed: int,
         settings: DiffusionConfig,
     ) -> None:
-        self._model, self._encode, self._known, self._seed = model, encode, known, seed
-        self._settings = settings
+        self._model, self._known, self._seed, self._settings = model, known, seed, settings
+        self._kinds = {kind: mean_embedding(wordings(kind), encode) for kind in known.kinds}
+        self._manners = {name: mean_embedding(manner_wordings(name), encode) for name in known.manners}
         self._device = model.processes.device
         self.network: nn.Module = model.network
         self._teacher = deepcopy(model.network).eval().requires_grad_(False)
@@ -104,10 +105,8 @@ class OwnSamples:
         return guided(full, any_manner, none, scales)
 
     def _draw(self, rng: np.random.Generator) -> Conditions:
-        """Conditions of one window of each roll-out: kinds of motion alike, however many wordings they have."""
-        names = rng.choice(self._known.kinds, ROLL_OUTS)
-        texts = [str(rng.choice(wordings(str(name)))) for name in names]
-        manners = {name: mean_embedding(manner_wordings(name), self._encode) for name in self._known.manners}
+        """Conditions of one window of each roll-out, as requests are heard: by the mean of a kind's wordings."""
+        names, manners = rng.choice(self._known.kinds, ROLL_OUTS), self._manners
         said = np.where(
             rng.random(ROLL_OUTS) < NORMAL_SHARE, NORMAL, rng.choice([*self._known.manners, NORMAL], ROLL_OUTS)
         )
@@ -117,7 +116,7 @@ class OwnSamples:
         share[:, 1:] *= rng.choice([-1.0, 1.0], (ROLL_OUTS, 2))
         has_manner = np.isin(said, list(manners))
         present = np.stack([np.ones(ROLL_OUTS), share.any(axis=1), has_manner], axis=1)
-        arrays = (np.stack([self._encode(text) for text in texts]), share * FASTEST, manner, present)
+        arrays = (np.stack([self._kinds[str(name)] for name in names]), share * FASTEST, manner, present)
         tensors = (torch.from_numpy(np.asarray(values, np.float32)) for values in arrays)
         return Conditions(np.zeros(ROLL_OUTS, np.intp), *tensors).to(self._device)
 
