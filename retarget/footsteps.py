@@ -176,7 +176,8 @@ class FootstepPlanner:
 
         Args:
             start: the feet before the steps.
-            after, longer: as of `gather`.
+            after: first tick from which the robot has nothing else to do.
+            longer: ticks by which the step after them lands later, by its place.
         """
         if start.astride:
             return steps
@@ -189,12 +190,7 @@ class FootstepPlanner:
         """The steps, and one more that puts the feet side by side if they would not end so.
 
         Who walked ends where the foot in front is: the one that did not land last comes to it. Of a robot that rests
-        the one that landed last comes back. Planted feet stay.
-
-        Args:
-            start: the feet before the steps.
-            after: first tick from which the robot has nothing else to do.
-            longer: as of `end`.
+        the one that landed last comes back. Planted feet stay. Arguments as of `end`.
         """
         if len(start.planted) == 2:
             return steps
