@@ -194,6 +194,7 @@ class FootstepPlanner:
         """
         if len(start.planted) == 2:
             return steps
+        # The foot that has landed last may lift again later than the other one.
         feet, landed = start.feet.copy(), steps[-1].side if steps else int(np.argmax(start.free))
         side = landed if start.at_rest and not steps else 1 - landed
         if side in start.planted:

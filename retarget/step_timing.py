@@ -38,7 +38,8 @@ class StepTiming:
         self.gait, self.swings, self.rate = gait, swings, rate_hz
         self.pause = round(gait.double_support_min_s * rate_hz)
         """Ticks from a touch-down to the lift of the other foot, at least."""
-        self._same_foot_rest = round(SAME_FOOT_REST_S * rate_hz)
+        # Always later than the other foot, also of a robot that pauses for long.
+        self._same_foot_rest = max(round(SAME_FOOT_REST_S * rate_hz), self.pause + 1)
 
     def ticks(self, seconds: float) -> int:
         """Duration in ticks."""

@@ -31,6 +31,14 @@ def test_the_foot_that_landed_rests_longer_than_the_other(timing: StepTiming, re
         np.testing.assert_array_equal(landed_by, 2000 - free)
 
 
+def test_the_foot_that_landed_rests_longer_also_where_a_robot_pauses_for_long(retargeter: Retargeter) -> None:
+    """Regression: with a pause of .3 s or more a stop moved the foot that had landed last, as if it were the other."""
+    for pause_s in (0.3, 0.5):
+        gait = retargeter.gait.model_copy(update={"double_support_min_s": pause_s})
+        slow = StepTiming(gait, retargeter.swings, RATE)
+        assert [int(np.argmax(slow.free(side, 1000.0))) for side in (0, 1)] == [0, 1]
+
+
 @pytest.mark.parametrize("delay_s", [0.29, 0.31])
 def test_a_step_is_left_out_once_the_human_landed_long_ago(
     timing: StepTiming, walking: HumanView, delay_s: float
