@@ -102,7 +102,7 @@ def only(source: MotionSet, names: Iterable[str]) -> MotionSet:
     chosen = frozenset(COMMERCIAL & there if FREE in asked else ()) | (asked - {FREE})
     if unknown := sorted(chosen - there):
         raise ConfigError(f"--only {unknown[0]}: the set has no such collection, expected {', '.join(sorted(there))}")
-    selected = SelectedSet(source, chosen, FREE_CAPTIONS if asked == {FREE} else None)
+    selected = SelectedSet(source, chosen, FREE_CAPTIONS if FREE in asked and chosen <= COMMERCIAL else None)
     if not any(clip.split == "train" for clip in selected.clips):
         raise ConfigError(f"--only {', '.join(sorted(asked))}: the set has no clip for training of it")
     return selected
