@@ -1,7 +1,7 @@
 """Does the model do what a prompt asks, in wordings that it was not trained on?
 
-Samples every wording of `prompts.yaml` from standing, and of `gesture_prompts.yaml` those whose kind the bundle has;
-geometric checks judge the motion, kind by kind. Fails below 95 % of the kinds that the bundle offers, or 85 % of one of
+Samples every wording of `prompts.yaml` and `gesture_prompts.yaml` whose kind the bundle knows, from standing; geometric
+checks judge the motion, kind by kind. Fails below 95 % of the kinds that the bundle offers, or 85 % of one of
 them; the others are told, for a run refuses them by name. With `--write` the bundle's manifest gets the figure of each
 kind; one below `OFFERED` is not offered from then on. What was chosen by one seed is to be reported by another.
 """
@@ -126,8 +126,9 @@ def main(
     """Sample all prompts and judge."""
     sampler, shares = open_sampler(bundle, steps, unjudged=True), {}
     table = Table("kind", "done", "understood as", title="Prompts")
-    own = [entry for entry in gesture_kinds() if entry.kind in sampler.bundle.prompts.kinds]
-    entries = [*prompt_kinds(), *own]
+    known = sampler.bundle.prompts.kinds
+    # Of none: "nonsense", which is to be refused.
+    entries = [entry for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of is None or entry.of in known]
     for entry in entries:
         done = [passed(sampler, entry, wording, range(seed, seed + samples), seconds) for wording in entry.wordings]
         shares[entry.kind] = share([own for each in done for own in each])
@@ -144,15 +145,10 @@ def main(
                 least=OFFERED,
             )
             for entry in entries
-            if entry.of in sampler.bundle.prompts.kinds
+            if entry.of is not None
         }
         judged_bundle = write_judged(sampler.bundle, kinds=figures)
-    # Of none: "nonsense", which is to be refused.
-    offered = [
-        entry.kind
-        for entry in entries
-        if entry.of not in sampler.bundle.prompts.kinds or entry.of in offered_kinds(judged_bundle)
-    ]
+    offered = [entry.kind for entry in entries if entry.of is None or entry.of in offered_kinds(judged_bundle)]
     return judged_shares(shares, offered, samples, seed, csv_out)
 
 

@@ -8,7 +8,11 @@ from shutil import copytree
 import pytest
 
 import flexmotion.bundles.shipped as shipped
+from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
+from flexmotion.human.kinematics import forward
+from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.cli import execute
 
 
@@ -45,3 +49,17 @@ def test_a_bundle_in_a_folder_is_listed_too(two: Path, capsys: pytest.CaptureFix
         listed = " ".join(capsys.readouterr().out.split())
         assert "walk-turn-left" in listed and "default:" not in listed
     assert execute(["bundles", "nobody"]) == 2
+
+
+def test_the_free_bundle_allows_products_and_refuses_what_it_lacks_by_name() -> None:
+    """Its clips show no wave."""
+    if "free" not in shipped.shipped_bundles():
+        pytest.skip("this installation comes without it")
+    sampler = Sampler(Bundle(shipped.bundle_folder("free")))
+    assert "NC" not in sampler.bundle.manifest.licence and "commercial products" in sampler.bundle.manifest.licence
+    refused, heard = sampler.prompt("wave with your right hand"), sampler.prompt("give me a salute")
+    assert refused.warning is not None and "cannot wave right hand" in refused.warning
+    assert heard.kind == "salute-right-hand" and heard.warning is None
+    sampled = sampler.sample(sampler.standing(), Condition("salute"), 0)
+    human = forward(sampled)
+    assert human.hand[-1, 1, 2] > human.shoulder[-1, 1, 2] > human.hand[-1, 0, 2]
