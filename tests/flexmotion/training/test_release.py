@@ -87,11 +87,11 @@ def test_a_bundle_of_a_release_moves_like_that_of_the_training(bundle: Bundle, r
     ours, theirs = Sampler(again), Sampler(bundle)
     assert again.body == bundle.body and again.manifest.licence == bundle.manifest.licence
     motions = [each.sample(each.standing(), Condition("walk forward"), seed=3) for each in (ours, theirs)]
-    # A bundle is in half precision too, but rounds what the export has folded together.
+    # A bundle is in half precision too, but rounds what the export has folded together; torques follow accelerations.
     np.testing.assert_allclose(motions[0].joints, motions[1].joints, atol=2e-3)
     np.testing.assert_allclose(motions[0].root_position, motions[1].root_position, atol=2e-3)
     assert motions[0].torques is not None and motions[1].torques is not None
-    np.testing.assert_allclose(motions[0].torques, motions[1].torques, atol=0.2)
+    np.testing.assert_allclose(motions[0].torques, motions[1].torques, atol=0.2, rtol=0.05)
     assert "--from RELEASE" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")
 
 
