@@ -12,8 +12,9 @@ from __future__ import annotations
 import csv
 import hashlib
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -176,4 +177,23 @@ def _read_index(path: Path) -> dict[str, dict[str, str]]:
         key = next((name for name in ("file", "trial") if name in (reader.fieldnames or ())), None)
         if key is None:
             raise MotionFormatError(f"{path}: lacks a column 'file' or 'trial'")
-        return {row[key]: row for row in reader}
+        found = {}
+        for number, row in enumerate(reader, 2):
+            _check_times(f"{path}, line {number}", row)
+            found[row[key]] = row
+        return found
+
+
+def _check_times(where: str, row: Mapping[str, str]) -> None:
+    """Raise `MotionFormatError` where a row does not tell when its clip shows its kind as `meaning.shown` reads it."""
+    if not row.get("end_s"):
+        return
+    missing = [name for name in ("start_s", "around") if not row.get(name)]
+    if missing:
+        raise MotionFormatError(f"{where}: has end_s and lacks {' and '.join(missing)}")
+    try:
+        times = [float(row[name]) for name in ("start_s", "left_s", "end_s") if row.get(name)]
+    except ValueError as error:
+        raise MotionFormatError(f"{where}: {error}") from error
+    if not all(before <= after for before, after in pairwise(times)):
+        raise MotionFormatError(f"{where}: expected start_s <= left_s <= end_s")

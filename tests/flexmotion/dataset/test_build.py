@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tarfile
 from collections.abc import Callable, Iterator, Sequence
@@ -73,6 +74,26 @@ def test_clips_of_one_name_are_used_once(folder: Path, tmp_path: Path) -> None:
     assert clips["other"].member == "other"
     assert clips["walk_001"].captions[0].text == "a walk"
     assert clips["walk_001"].licence.startswith("CC BY-NC")
+
+
+@pytest.mark.parametrize(
+    ("row", "problem"),
+    [
+        (",,3,stand", "line 2: has end_s and lacks start_s"),
+        ("1,,3,", "line 2: has end_s and lacks around"),
+        ("1,two,3,stand", "line 2: could not convert string to float: 'two'"),
+        ("1,4,3,stand", "line 2: expected start_s <= left_s <= end_s"),
+        ("nan,,3,stand", "line 2: expected start_s <= left_s <= end_s"),
+    ],
+)
+def test_an_index_tells_when_a_clip_shows_its_kind_or_is_refused(
+    folder: Path, tmp_path: Path, row: str, problem: str
+) -> None:
+    """Regression: a set was built for an hour, and its training ended with a KeyError."""
+    index = next(folder.rglob("*_index.csv"))
+    index.write_text(f"file,content,start_s,left_s,end_s,around\nwave_001.bvh,wave-right-hand,{row}\n")
+    with pytest.raises(MotionFormatError, match=re.escape(problem)):
+        find_clips([folder], tmp_path / "work")
 
 
 def test_an_amc_without_skeleton_ranks_last(folder: Path, tmp_path: Path) -> None:
