@@ -189,8 +189,8 @@ class FootstepPlanner:
     def _gather(self, start: FeetState, steps: list[Step], after: int, longer: Mapping[int, int]) -> list[Step]:
         """The steps, and one more that puts the feet side by side if they would not end so.
 
-        Who walked ends where the foot in front is: the one that did not land last comes to it. Of a robot that rests
-        the one that landed last comes back. Planted feet stay. Arguments as of `end`.
+        A robot that walked moves the foot that did not land last, so that it ends where the foot in front is. A robot
+        that rests moves the foot that landed last back. Planted feet stay. Arguments as of `end`.
         """
         if len(start.planted) == 2:
             return steps

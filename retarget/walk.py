@@ -147,8 +147,7 @@ class WalkPlanner:
         feet = start.feet
         for step in self.footsteps.end(start, start.settled, tick):
             feet[step.side] = step.target
-        middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
-        return middle
+        return between(feet)
 
     def _try(
         self, state: RetargetState, view: HumanView, start: FeetState, put_off: int, longer: Mapping[int, int]
@@ -215,3 +214,9 @@ class WalkPlanner:
         zmp = (1.0 - share) * (left[:, :2] + roll) + share * (right[:, :2] - roll)
         dcm = balance.divergent_component(zmp, self.absorber.omega, self.absorber.dt)
         return self.absorber.absorb(zmp, dcm, state.dcm, float(schedule.feet[0, :, 3].mean()))
+
+
+def between(feet: Float) -> Float:
+    """Middle of two feet (2, 4) and their heading, (3,) [m, m, rad]."""
+    middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
+    return middle

@@ -45,8 +45,8 @@ class Shown:
     def covers(self, first: float, last: float) -> bool:
         """Whether a window from `first` to `last` [s] is of the clip's kind: shows it, and does not leave it.
 
-        Who is asked for a pose keeps it until something else is asked for. A model that was taught the way back by the
-        pose's own name lowers its hands by chance.
+        A robot that is asked for a pose keeps it until something else is asked. A model that learns the way back under
+        the name of the pose lowers its hands by chance.
         """
         if self.left is not None and last > self.left:
             return False

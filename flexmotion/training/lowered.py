@@ -1,7 +1,7 @@
 """Windows of raised hands in which a hand comes down.
 
-People raise a hand in recordings and lower it half a second later. Who is asked to raise a hand keeps it up until
-something else is asked for: taught with the rest, a model lowers it by chance.
+People in recordings raise a hand and lower it half a second later. A robot that is asked to raise a hand keeps it up
+until something else is asked. A model that learns all windows as "raise" lowers the hand by chance.
 """
 
 from __future__ import annotations

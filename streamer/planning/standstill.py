@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.retarget.walk import between
 from flexmotion.streamer.control.estimator import yaw_of
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.robot_size import RobotSize
@@ -73,18 +74,12 @@ class LastRest:
         if self._down_since is None:
             self._down_since = tick
         if tick - self._down_since >= self._rests_ticks and np.isfinite(row.odometry).all():
-            self._steps, self._place = 0, stopping_place(row, lambda: _between(row.foot_ref))
+            self._steps, self._place = 0, stopping_place(row, lambda: between(row.foot_ref))
 
     @property
     def place(self) -> Float | None:
         """As of `stopping_place`, (3,); None where it is not known, or more than one step has begun since."""
         return None if self._place is None or self._steps > 1 else self._place.copy()
-
-
-def _between(feet: Float) -> Float:
-    """Middle of two feet (2, 4) and their heading, (3,) [m, m, rad]."""
-    middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
-    return middle
 
 
 class Closing:
