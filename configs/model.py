@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field, model_validator
 
@@ -126,10 +127,12 @@ class DiffusionConfig(Strict):
         roll_out_steps: DDIM steps of that sample.
         switched: share of samples that change from one clip's motion to another's, as after a new target.
         switch_frames: frames of this change.
+        begun: of the other samples of clips, share at the beginning of a motion, after a stand.
         roll_out_from, roll_out_grown: training steps at which roll-outs begin and reach their final share.
         guidance: default scale of classifier-free guidance.
         manner_guidance: likewise, of the manner against any manner.
         sampling_steps: default number of DDIM steps.
+        sampled: share of samples at the very times of these steps; the others are at any time.
     """
 
     denoiser: Transformer
@@ -148,11 +151,13 @@ class DiffusionConfig(Strict):
     roll_out_steps: int = Field(default=1, gt=0)
     switched: float = Field(default=0.0, ge=0, le=1)
     switch_frames: int = Field(default=16, gt=0)
+    begun: float = Field(default=0.0, ge=0, le=1)
     roll_out_from: int = Field(default=0, ge=0)
     roll_out_grown: int = Field(default=1, ge=1)
     guidance: float = Field(default=2.5, gt=0)
     manner_guidance: float = Field(default=1.5, gt=0)
     sampling_steps: int = Field(default=50, gt=0)
+    sampled: float = Field(default=0.0, ge=0, le=1)
 
     @model_validator(mode="after")
     def _fits(self) -> DiffusionConfig:
@@ -162,22 +167,24 @@ class DiffusionConfig(Strict):
 
 
 class DistillationConfig(Strict):
-    """Consistency distillation to a few steps.
+    """Distillation of guidance: one evaluation of the student for three of its teacher.
 
     Attributes:
-        grid: points of the noise schedule on which the student is trained.
-        skip: points that the teacher's DDIM step spans.
         guidance_low, guidance_high: range of the random guidance scale, an input of the student.
         huber: error at which the loss changes from quadratic to linear.
         sampling_steps: default number of steps of the student.
     """
 
-    grid: int = Field(default=50, gt=1)
-    skip: int = Field(default=1, gt=0)
     guidance_low: float = Field(default=1.0, gt=0)
     guidance_high: float = Field(default=4.0, gt=0)
     huber: float = Field(default=0.5, gt=0)
     sampling_steps: int = Field(default=2, ge=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_former(cls, content: Any) -> Any:
+        """Without settings of a distillation of earlier releases, which their files still hold."""
+        return {name: value for name, value in content.items() if name not in ("grid", "skip")}
 
 
 class ControlConfig(Strict):

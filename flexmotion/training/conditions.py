@@ -21,6 +21,7 @@ from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
 from flexmotion.training.lowered import lowers_hands
 from flexmotion.training.manner_conditions import NONE, Manners
+from flexmotion.training.onsets import LATE_S
 from flexmotion.training.strokes import without_stroke
 
 STILL = 0.12
@@ -177,6 +178,7 @@ class Sentences:
         still: np.ndarray,
         straight: np.ndarray,
         times: np.ndarray | None = None,
+        waits: np.ndarray | None = None,
     ) -> np.ndarray:
         """Row of a sentence for each window, (N,); `NONE` where its clip has no sentence.
 
@@ -186,6 +188,7 @@ class Sentences:
             still: windows that stand, (N,); not asked of clips that tell when they show their kind.
             straight: windows that walk without turning, (N,).
             times: start and end of the windows in their clips, (N, 2) [s]; None: sentences are of whole clips.
+            waits: windows that wait for the motion of their clip, (N,); it is not what they show. None: none.
         """
         rows = np.full(len(clips), NONE, np.intp)
         for at, clip in enumerate(clips):
@@ -193,7 +196,10 @@ class Sentences:
             window = None if times is None else (float(times[at, 0]), float(times[at, 1]))
             parts = [] if window is None else _within(self._parts[clip], *window)
             part = None if window is None else self._shown[clip]
+            waiting = waits is not None and bool(waits[at])
             if part is not None and window is not None and part.covers(*window):
+                if waiting:
+                    continue
                 # A nod moves little and a held pose nothing, but neither is standing.
                 choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
             elif part is not None and window is not None and part.leaves(*window):
@@ -204,6 +210,8 @@ class Sentences:
                 choice = self._of_kind[STAND]
             elif parts:
                 choice = np.array(parts, np.intp)
+            elif waiting:
+                continue
             elif straight[at] and (kind.startswith("walk-turn") or (self._personal and not len(self._plain[clip]))):
                 choice = self._of_kind["walk"]
             else:
@@ -276,7 +284,8 @@ def describe(
     walking = velocity[:, :2].norm(dim=-1) > WALKING
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
     times = None if first is None else np.stack([first, first + future.shape[1]], axis=1) / store.layout.fps
-    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times)
+    waits = None if first is None else first < store.onsets[clips] - LATE_S * store.layout.fps
+    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times, waits)
     kinds = [sentences.kinds[clip] for clip in clips]
     rows[without_stroke(kinds, future, store.layout) | lowers_hands(kinds, future, store.layout)] = NONE
     has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop.sentence)

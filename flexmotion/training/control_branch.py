@@ -1,6 +1,6 @@
 """`ControlBranch`: a copy of a denoiser's layers that is fed with constraints, and adds to what the layers make.
 
-A ControlNet (Zhang et al., ICCV 2023) on a consistency model in a latent space (Dai et al., MotionLCM, ECCV 2024). The
+A ControlNet (Zhang et al., ICCV 2023) on a model of few steps in a latent space (Dai et al., MotionLCM, ECCV 2024). The
 last map of every copied layer is zero at first, so that the model is unchanged before training.
 """
 

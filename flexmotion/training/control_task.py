@@ -30,9 +30,6 @@ from flexmotion.training.windows import Windows
 VALIDATION = 192
 """Windows of the validation, always the same."""
 
-LATE = 0.5
-"""Times of the noise schedule are uniform numbers to this power: a few steps of sampling are late ones."""
-
 APART = 2
 """Frames between the places from which accelerations are taken: what is shorter is low-passed in a delivered window."""
 
@@ -65,7 +62,7 @@ class Example:
     asked: Asked
 
 
-VERSION = 2
+VERSION = 3
 """Of draws and loss: increased when either changes, for a training that was begun with others does not go on."""
 
 
@@ -88,8 +85,6 @@ class ControlTask:
         branch = ControlBranch(student, config.control, config.window, store.layout).to(device)
         self.network: nn.Module = branch
         self._denoiser = ConstrainedDenoiser(student, branch)
-        distillation = config.distillation
-        self._grid = torch.linspace(0, config.diffusion.steps - 1, distillation.grid).round().long()
         self._statistics = store.statistics
         self._mean, self._spread = (
             torch.from_numpy(value).to(device) for value in (self._statistics.mean, self._statistics.spread)
@@ -116,8 +111,7 @@ class ControlTask:
         teacher, batch, key = self.teacher, self.config.stages.control.batch, self._key(step)
         drawn, asked = self._ahead(step, self._batch)
         example = self._example(*teacher.followed(drawn), asked.to(teacher.processes.device))
-        place = (uniform((*key, 2), (batch,)) ** LATE * self.config.distillation.grid).long()
-        found = self._estimate(example, self._grid[place], (*key, 3))
+        found = self._estimate(example, teacher.times((*key, 2), batch), (*key, 3))
         latent = torch.nn.functional.huber_loss(found, example.latent, delta=self.config.distillation.huber)
         kept = self._kept(example, found).mean()
         return kept + self.config.control.latent * latent, {"kept": kept, "latent": latent}
@@ -129,7 +123,8 @@ class ControlTask:
     def validate(self) -> dict[str, float]:
         """Loss at the latest time, from which sampling begins, and that of each kind."""
         example = self._held_out
-        found = self._estimate(example, torch.full((VALIDATION,), int(self._grid[-1])), (self.seed, 44))
+        latest = torch.full((VALIDATION,), self.config.diffusion.steps - 1)
+        found = self._estimate(example, latest, (self.seed, 44))
         latent = float(torch.nn.functional.huber_loss(found, example.latent, delta=self.config.distillation.huber))
         kept = self._kept(example, found).cpu().numpy()
         figures = {"loss": float(kept.mean()) + self.config.control.latent * latent, "latent": latent}

@@ -40,6 +40,9 @@ SENTENCE_SPREAD = 3.0
 TIME_POWER = 2 / 3
 """Diffusion times are uniform numbers to this power: late times more often than early ones."""
 
+SWITCHED_BEGUN = 0.5
+"""Share of windows that change over to the beginning of another motion; the others change over to any of its frames."""
+
 MAX_DECODED_ERROR = 20.0
 """A window's decoded error counts up to this; beyond it the window has no gradient."""
 
@@ -169,8 +172,7 @@ class DiffusionTask:
         batch, device = self.config.stages.diffusion.batch, self.processes.device
         windows, conditions = self.followed(self._ahead(step, self._batch))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
-        # More often late than early: the condition decides most where little of the latent is left.
-        time = (uniform((*key, 4), (batch,)) ** TIME_POWER * diffusion.steps).long().to(device)
+        time = self.times((*key, 4), batch).to(device)
         noise = normal((*key, 5), tuple(latent.shape)).to(device)
         noisy = self.noise.add_noise(latent, noise, time)
         with self.processes.mixed_precision():
@@ -183,6 +185,15 @@ class DiffusionTask:
             terms["decoded"] = self._decoded(windows.every(every), clean[::every], time[::every])
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
+
+    def times(self, key: tuple[int, ...], size: int) -> Tensor:
+        """Random times of a training batch, (size,): those at which samples are drawn, and any others."""
+        diffusion = self.config.diffusion
+        # More often late than early: the condition decides most where little of the latent is left.
+        anywhere = (uniform((*key, 0), (size,)) ** TIME_POWER * diffusion.steps).long()
+        steps = self.noise.times(diffusion.sampling_steps)
+        sampled = steps[(uniform((*key, 1), (size,)) * len(steps)).long()]
+        return torch.where(uniform((*key, 2), (size,)) < diffusion.sampled, sampled, anywhere)
 
     def close(self) -> None:
         """See `stage.Closing`."""
@@ -213,9 +224,10 @@ class DiffusionTask:
         diffusion = self.config.diffusion
         rolled = int(round(roll_out * size))
         switched = int(round(diffusion.switched * size)) if self.config.window.history else 0
-        parts = [self._drawn((*key, 0), size - rolled - switched)]
+        parts = [self._drawn((*key, 0), size - rolled - switched, begun=diffusion.begun)]
         if switched:
-            others = self._drawn((*key, 2), switched)
+            # A motion that is asked for in the middle of another one begins at its beginning.
+            others = self.training.draw((*key, 2, 0), switched, begun=SWITCHED_BEGUN, known=False)
             parts.append(self._drawn((*key, 1), switched).blended_into(others, diffusion.switch_frames))
         before = self._before((*key, 6), rolled) if rolled else None
         if before is not None:
@@ -272,9 +284,9 @@ class DiffusionTask:
         share = (step - diffusion.roll_out_from) / grown
         return self.roll_out * min(max(share, 0.0), 1.0)
 
-    def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+    def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False, begun: float = 0.0) -> Windows:
         """Windows of clips, with noise on their histories."""
-        windows = self.training.draw((*key, 0), size, following=following)
+        windows = self.training.draw((*key, 0), size, following=following, begun=begun)
         return self._with_history_noise(windows, (*key, 1))
 
     def _with_history_noise(self, windows: Windows, seed: tuple[int, ...]) -> Windows:

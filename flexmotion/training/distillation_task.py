@@ -1,8 +1,8 @@
-"""The distillation's stage: a student that is consistent along the teacher's paths samples in a few steps, not fifty.
+"""The distillation's stage: a student with the guidance scales as an input, one evaluation for three of its teacher.
 
-Consistency distillation (Song et al., ICML 2023) with the guidance scales as an input (Luo et al., Latent Consistency
-Models, 2023): where the teacher steps from a time to an earlier one, the student must estimate the same
-clean latent at both. Request and manner have scales of their own (Brooks et al., InstructPix2Pix, CVPR 2023).
+Distillation of guidance (Meng et al., On Distillation of Guided Diffusion Models, CVPR 2023, first stage): at every
+time the student makes the estimate that its teacher makes under guidance. It begins as its teacher without guidance.
+Request and manner have scales of their own (Brooks et al., InstructPix2Pix, CVPR 2023).
 """
 
 from __future__ import annotations
@@ -56,40 +56,27 @@ class DistillationTask:
         network = Denoiser(config.diffusion, config.window, layout, teacher.autoencoder.latent, guided=True)
         network.load_state_dict(teacher.network.state_dict(), strict=False)
         self.network = network.to(teacher.processes.device)
-        distillation = config.distillation
-        self._grid = torch.linspace(0, config.diffusion.steps - 1, distillation.grid).round().long()
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
         return self._losses((self.seed, 31, step, self.teacher.processes.rank), self.config.stages.distill.batch)
 
     def _losses(self, key: tuple[int, ...], batch: int) -> tuple[Tensor, dict[str, Tensor]]:
-        teacher, distillation = self.teacher, self.config.distillation
-        device, example = teacher.processes.device, self.examples.draw(key, batch)
-        latent = example.latent
-        place = (uniform((*key, 2), (batch,)) * distillation.grid).long()
-        earlier_place = place - distillation.skip
-        time = self._grid[place].to(device)
-        earlier = torch.where(earlier_place < 0, -1, self._grid[earlier_place.clamp(min=0)]).to(device)
+        teacher, example = self.teacher, self.examples.draw(key, batch)
+        device, latent = teacher.processes.device, example.latent
+        time = teacher.times((*key, 2), batch).to(device)
         guidance = self._guidance((*key, 3), batch)
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad(), teacher.processes.mixed_precision():
-            clean = self._taught(example, guidance, noisy, time)
-            stepped = teacher.noise.step(noisy, clean, time, earlier)
-            target = self._estimated(example, guidance, stepped, earlier.clamp(min=0)).float()
-            target = torch.where(earlier[:, None] < 0, clean, target)
+            target = self._taught(example, guidance, noisy, time)
         with teacher.processes.mixed_precision():
             found = self._estimated(example, guidance, noisy, time)
-        delta = distillation.huber
-        loss = torch.nn.functional.huber_loss(found.float(), target, delta=delta)
-        return loss, {"consistency": loss}
+        loss = torch.nn.functional.huber_loss(found.float(), target, delta=self.config.distillation.huber)
+        return loss, {"guided": loss}
 
     def validate(self) -> dict[str, float]:
-        """How far the student's samples are from its teacher's, after the same noise and at the same guidance.
-
-        The loss of the training does not tell: it is least for a student that has not learnt anything yet.
-        """
+        """How far the student's samples are from its teacher's, after the same noise and at the same guidance."""
         example, guidance, noise, expected = self._samples
         steps = self.config.distillation.sampling_steps
         with torch.no_grad(), self.teacher.processes.mixed_precision():

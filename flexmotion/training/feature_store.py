@@ -16,6 +16,7 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
+from flexmotion.dataset.meaning import shown
 from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import encode, encode_loads
 from flexmotion.features.joint_groups import BALL_COLUMNS
@@ -28,6 +29,7 @@ from flexmotion.human.signals import resample_signal, same_rate
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.human_tensors import LOADS
+from flexmotion.training.onsets import onset
 
 INDEX = "index.json"
 
@@ -128,10 +130,24 @@ class FeatureStore:
         """Every clip."""
         return tuple(StoredClip(**{**item, **_captions(item), "body": _body(item["body"])}) for item in self._clips)
 
+    @cached_property
+    def onsets(self) -> np.ndarray:
+        """Frames in which clips begin to show their motion, (clips,): as their index says, else as they move."""
+        block, found = self.layout.blocks["positions"], []
+        for clip in self.clips:
+            part = shown(clip.labels)
+            if part is not None:
+                found.append(round(part.start * self.layout.fps))
+                continue
+            places = self.features[clip.start : clip.start + clip.frames, block].astype(np.float32)
+            found.append(onset(places.reshape(len(places), -1, 3)))
+        return np.array(found, np.intp)
+
     def without_variants(self) -> FeatureStore:
         """The same store without variants in its training split."""
         other = copy(self)
-        vars(other).pop("clips", None)  # the cached property
+        for cached in ("clips", "onsets"):
+            vars(other).pop(cached, None)
         other._clips = [item for item in self._clips if item["variant"] in RECORDED or item["split"] != TRAINING]
         return other
 

@@ -44,9 +44,11 @@ class LatentSet:
         self.windows = WindowSet(store, config.window, split, normal=config.diffusion.normal)
         self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
 
-    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+    def draw(
+        self, seed: tuple[int, ...], size: int, *, following: bool = False, begun: float = 0.0, known: bool = True
+    ) -> Windows:
         """Draw `size` windows, on the CPU; see `WindowSet.draw`."""
-        return self.windows.draw(seed, size, following=following)
+        return self.windows.draw(seed, size, following=following, begun=begun, known=known)
 
     def encode(self, history: Tensor, future: Tensor) -> Tensor:
         """Mean latents, (N, latent), not normalised."""

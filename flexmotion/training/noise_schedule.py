@@ -45,6 +45,10 @@ class NoiseSchedule:
         noise = (noisy - kept.sqrt() * clean) / (1 - kept).sqrt().clamp(min=1e-6)
         return target.sqrt() * clean + (1 - target).sqrt() * noise
 
+    def times(self, steps: int) -> Tensor:
+        """The times at which so many steps evaluate the network, spread evenly, the latest first."""
+        return torch.linspace(self.steps - 1, 0, steps + 1).round().long()[:-1]
+
     def denoised(self, noisy: Tensor, steps: int, estimate: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
         """The latents that noise leads to, (N, L).
 
@@ -53,7 +57,7 @@ class NoiseSchedule:
             steps: of DDIM, spread evenly over the times.
             estimate: the network: the clean latents of noisy ones at times (N,).
         """
-        times = torch.linspace(self.steps - 1, 0, steps + 1).round().long().tolist()[:-1]
+        times = self.times(steps).tolist()
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             time, target = (torch.full((len(noisy),), at, device=noisy.device) for at in (now, earlier))
             noisy = self.step(noisy, estimate(noisy, time).float(), time, target)

@@ -15,6 +15,7 @@ from flexmotion.dataset.meaning import clip_manner
 from flexmotion.text.manners import NORMAL
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.human_tensors import HumanTensors
+from flexmotion.training.onsets import LATE_S
 from flexmotion.training.windows import Windows
 
 EVENNESS = 0.75
@@ -22,6 +23,9 @@ EVENNESS = 0.75
 
 MOST_NORMAL = 8.0
 """Greatest factor on the weight of a kind's normal clips: one clip must not be most of what is seen of a kind."""
+
+BEGUN_S = 0.1
+"""Windows at the beginning of a motion begin at most so long after it [s]."""
 
 CLIP = 15.0
 """Normalised features are clipped to this many standard deviations."""
@@ -82,13 +86,17 @@ class WindowSet:
         """Human models of all clips of the store."""
         return HumanTensors.of([clip.body for clip in self.store.clips])
 
-    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+    def draw(
+        self, seed: tuple[int, ...], size: int, *, following: bool = False, begun: float = 0.0, known: bool = True
+    ) -> Windows:
         """Draw windows at random.
 
         Args:
             seed: the same seed draws the same windows.
             size: number of windows.
             following: whether to draw the windows that follow too, from clips that are long enough.
+            begun: share of windows that are moved to where the motion of their clip begins.
+            known: whether the frames before these are needed; else they may begin with their clips.
 
         Raises:
             MotionFormatError: no clip has two consecutive windows.
@@ -100,6 +108,12 @@ class WindowSet:
         rng = np.random.default_rng(seed)
         chosen = rng.choice(len(self.clips), size, p=weights / weights.sum())
         offset = rng.integers(0, count[chosen])
+        if begun:
+            onset = self.store.onsets[self.clips[chosen]]
+            early, late = (round(seconds * self.store.layout.fps) for seconds in (LATE_S, BEGUN_S))
+            first = np.maximum(onset + rng.integers(-early, late + 1, size), 0) - self.window.history
+            moved = (rng.random(size) < begun) & (first < count[chosen]) & ((first >= 0) | (not known))
+            offset = np.where(moved, first, offset)
         return self.at(chosen, offset, following=following)
 
     def at(self, chosen: np.ndarray, offset: np.ndarray, *, following: bool = False) -> Windows:
@@ -107,7 +121,8 @@ class WindowSet:
 
         Args:
             chosen: clips, as numbers within the split, (N,).
-            offset: frames of those clips at which the histories begin, (N,).
+            offset: frames of those clips at which the histories begin, (N,); before a clip its first frame is
+                repeated.
             following: whether to take the windows that follow too.
         """
         window = self.window
@@ -115,7 +130,7 @@ class WindowSet:
         span = length + (window.future if following else 0)
         frame = offset[:, None] + np.arange(span)
         last = self._frames[chosen][:, None] - 1
-        rows = self._start[chosen][:, None] + np.minimum(frame, last)
+        rows = self._start[chosen][:, None] + np.clip(frame, 0, last)
         statistics = self.store.statistics
         values = torch.from_numpy(statistics.normalise(self.store.features[rows].astype(np.float32)))
         # A mistracked marker must not weigh as much as a thousand frames.

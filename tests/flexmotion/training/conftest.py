@@ -125,7 +125,6 @@ def _small(name: str, changes: dict[str, object], path: Path) -> Path:
     content["window"] |= {"muscles": False, "joint_contact": False, **changes}
     content["autoencoder"] |= {"latent": 16, "encoder": SMALL, "decoder": SMALL}
     content["diffusion"] |= {"denoiser": SMALL, "text": 24, "roll_out_from": 2, "roll_out_grown": 3}
-    content["distillation"]["grid"] = 10
     content["control"] = {"layers": 1}
     content["stages"]["control"] = {"learning_rate": 3.0e-4}
     content["evaluator"] = {"motion": SMALL, "width": 16}

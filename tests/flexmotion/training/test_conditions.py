@@ -114,6 +114,23 @@ def test_the_way_back_from_a_pose_is_not_of_its_kind() -> None:
     assert kinds == ["stand", "nod", "nod", None, None, "stand", "stand"]
 
 
+def test_a_window_that_waits_for_a_gesture_is_not_of_its_kind() -> None:
+    """Regression: a nod that came at the end of a window was taught as a nod, and a model that was asked for it waited.
+
+    A window that shows no part of it is of what is around it, whether it is told to wait or not.
+    """
+    labels = {"content": "nod", "start_s": "1.0", "end_s": "3.0", "around": "stand"}
+    found = Sentences([clip(labels), clip({"content": "bow"})], embedded)
+    times = np.array([[0.0, 1.0], [0.5, 1.5], [0.9, 1.9], [0.5, 1.5], [0.9, 1.9], [0.5, 1.5]])
+    which, waits = np.array([0, 0, 0, 1, 1, 1]), np.array([True, True, False, True, False, True])
+    still = np.array([False, False, False, False, False, True])
+    never = np.zeros(len(times), np.bool_)
+    rows = found.draw(np.random.default_rng(0), which, still, never, times, waits)
+    texts = ["" if row == NONE else found.texts[row] for row in rows]
+    kinds = [next((kind for kind in ("nod", "bow", "stand") if text in wordings(kind)), None) for text in texts]
+    assert kinds == ["stand", None, "nod", None, "bow", "stand"]
+
+
 def test_wordings_are_mixed_within_their_kind() -> None:
     """Regression: the wordings of a kind differ by more than kinds do, and a model hardly heard which kind was asked.
 

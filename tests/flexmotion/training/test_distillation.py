@@ -14,7 +14,7 @@ from flexmotion.training.run import Run
 
 
 def test_a_student_is_judged_by_its_samples(trained: Run, stages: Any) -> None:
-    """Regression: the best student was the one that had learnt least, since its loss is nought before it learns.
+    """Regression: students of a consistency loss were judged by it, and the best one was the one that had learnt least.
 
     A student begins as its teacher without guidance. With as many steps it makes the same samples where the scale is 1;
     not in one step, and not where the teacher is guided.

@@ -52,6 +52,25 @@ def test_windows_with_those_that_follow_lie_within_their_clips(trained: Run) -> 
         following.next(drawn.history)
 
 
+def test_windows_begin_where_the_motion_of_their_clip_does(trained: Run) -> None:
+    """Regression: a model that was asked for a bow stood: few windows of bows began with a stand.
+
+    Where nothing before a window is needed, it may begin with its clip.
+    """
+    store, window = trained.store(), trained.config.window
+    vars(store)["onsets"] = np.array([30 if clip.frames > 100 else 2 for clip in store.clips])
+    windows = WindowSet(store, window, "train")
+    drawn = windows.draw((7,), 64, begun=1.0)
+    late = store.onsets[drawn.clip] == 30
+    assert late.any() and (np.abs(drawn.first[late] - 30) <= 5).all()
+    alone = windows.draw((7,), 64, begun=1.0, known=False)
+    assert (np.abs(alone.first - store.onsets[alone.clip]) <= 5).all() and (alone.first >= 0).all()
+    row = int(np.argmin(alone.first))
+    start = store.clips[alone.clip[row]].start + alone.first[row]
+    expected = store.statistics.normalise(store.features[start : start + window.future])
+    np.testing.assert_allclose(alone.future[row], expected, atol=1e-3)
+
+
 def test_too_short_clips_are_reported(trained: Run) -> None:
     window = trained.config.window.model_copy(update={"future": 4000})
     with pytest.raises(MotionFormatError, match="no clip of split 'train'"):
