@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -37,6 +38,8 @@ class Corrections(Strict):
         catch_up_limit: greatest velocity that `catch_up` adds [m/s]; `catch_up` needs one.
         speeds: velocity at which the model moves for a kind of motion without a velocity, by kind. A kind
             without one cannot be slowed to a `Pace`.
+        guidance: scale of the guidance of kinds that need another than the bundle's: with more of it gestures are made
+            more surely, and poses beyond what people do.
     """
 
     standing_noise: float = Field(default=1.0, ge=0)
@@ -51,6 +54,7 @@ class Corrections(Strict):
     catch_up: float = Field(default=0.0, ge=0)
     catch_up_limit: float = Field(default=0.0, ge=0)
     speeds: dict[str, Velocity] = Field(default_factory=dict)
+    guidance: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _limited(self) -> Corrections:
@@ -82,13 +86,16 @@ class Corrections(Strict):
         return float(np.interp(inside, at, asked)) + wanted - inside
 
     def require_known(self, kinds: Iterable[str], origin: Path | str) -> None:
-        """Raise `ConfigError` if `speeds` names a kind of motion that is not one of the model's `kinds`.
+        """Raise `ConfigError` if a field names a kind of motion that is not one of the model's `kinds`.
 
         Args:
             kinds: that the model knows.
             origin: file of the corrections, for messages.
         """
         known = sorted(set(kinds))
-        for kind in self.speeds:
-            if kind not in known:
-                raise ConfigError(f"{origin}: field speeds.{kind}: unknown kind, expected one of: {', '.join(known)}")
+        for field, named in (("speeds", self.speeds), ("guidance", self.guidance)):
+            for kind in named:
+                if kind not in known:
+                    raise ConfigError(
+                        f"{origin}: field {field}.{kind}: unknown kind, expected one of: {', '.join(known)}"
+                    )

@@ -137,6 +137,14 @@ class Requests:
         spot, travelling = self._corrections.spot_noise, self._corrections.travelling_noise
         return min(condition.noise, spot if self._turns_on_the_spot(condition) else travelling)
 
+    def guidance(self, condition: Condition) -> tuple[float, float]:
+        """Scales of the guidance of a condition of `meant`: of the request, and of its manner."""
+        asked, manner = condition.guidance, condition.manner_guidance
+        if asked is None:
+            kind = None if condition.wordless else self._words(condition).kind
+            asked = self._corrections.guidance.get(kind or "", self._manifest.guidance)
+        return asked, self._manifest.manner_guidance if manner is None else manner
+
     def stands(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is that of standing still."""
         return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND

@@ -223,9 +223,8 @@ class Sampler:
         """A normalised latent, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = self._statistics.normalise(remembered)
-        scale = manifest.guidance if condition.guidance is None else condition.guidance
-        manner_scale = manifest.manner_guidance if condition.manner_guidance is None else condition.manner_guidance
         condition = self.meant(condition)
+        scale, manner_scale = self.requests.guidance(condition)
         self.requests.write(condition, remembered, inputs)
         if manifest.guided:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale

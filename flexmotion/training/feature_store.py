@@ -16,7 +16,7 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
-from flexmotion.dataset.meaning import shown
+from flexmotion.dataset.meaning import clip_kind, shown
 from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import encode, encode_loads
 from flexmotion.features.joint_groups import BALL_COLUMNS
@@ -29,7 +29,7 @@ from flexmotion.human.signals import resample_signal, same_rate
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.human_tensors import LOADS
-from flexmotion.training.onsets import onset
+from flexmotion.training.onsets import TOLD_BY, onset
 
 INDEX = "index.json"
 
@@ -140,7 +140,9 @@ class FeatureStore:
                 found.append(round(part.start * self.layout.fps))
                 continue
             places = self.features[clip.start : clip.start + clip.frames, block].astype(np.float32)
-            found.append(onset(places.reshape(len(places), -1, 3)))
+            told = TOLD_BY.get(clip_kind(clip.labels, clip.whole_captions), self.layout.points)
+            chosen = [self.layout.points.index(point) for point in told]
+            found.append(onset(places.reshape(len(places), -1, 3)[:, chosen]))
         return np.array(found, np.intp)
 
     def without_variants(self) -> FeatureStore:

@@ -15,6 +15,10 @@ LATE_S = 0.15
 LEAST = 0.08
 """Least mean displacement of the body's points for which a clip has an onset [leg]; people who stand sway by less."""
 
+TOLD_BY = {"bow": ("shoulder_l", "shoulder_r")}
+"""Points by which the onset of a kind is told, where all would mislead: people lay their hands together, stand for a
+second and then bow. A model remembers a quarter of a second, does not know how long it has stood, and waits on."""
+
 PASSED, BEGUN = 0.3, 0.1
 """Shares of a clip's greatest displacement: a motion is under way at the first, and has begun at the second."""
 
