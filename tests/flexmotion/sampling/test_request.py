@@ -39,4 +39,4 @@ def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     assert requests.guidance(Condition(text="bow", guidance=1.0, manner_guidance=2.0)) == (1.0, 2.0)
     assert requests.guidance(Condition(wordless=True)) == (1.5, 1.25)
     with pytest.raises(ConfigError, match=r"guidance\.bow: unknown kind"):
-        corrections.require_known(("stand", "walk"), "corrections.yaml")
+        corrections.require_known({*corrections.speeds, "walk"}, "corrections.yaml")
