@@ -21,7 +21,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=9,
+    newest=10,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -47,7 +47,9 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_CORRECTIONS_SINCE_9 = {"pose_noise"}
+_CORRECTIONS_SINCE_10 = {"guidance"}
+_SINCE_10: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_10}
+_CORRECTIONS_SINCE_9 = {"pose_noise"} | _CORRECTIONS_SINCE_10
 _SINCE_9: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_9}
 _SINCE_8: dict[str, Any] = {"personal": True} | _SINCE_9
 _CORRECTIONS_SINCE_7 = {"travelling_noise", "spot_noise", "ahead", "turning"}
@@ -195,6 +197,9 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     """
     texts = [_text(manifest.model_dump())]
     corrections, plain = manifest.corrections, Corrections()
+    if corrections.guidance:
+        return _hashes(texts)
+    texts.append(_text(manifest.model_dump(exclude=_SINCE_10) | {"schema_": "flexmotion.bundle/9"}))
     if corrections.pose_noise != plain.pose_noise:
         return _hashes(texts)
     texts.append(_text(manifest.model_dump(exclude=_SINCE_9) | {"schema_": "flexmotion.bundle/8"}))
