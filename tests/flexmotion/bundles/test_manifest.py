@@ -120,7 +120,7 @@ def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("schema", "message"),
     [
-        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 10: the file is too old: export the bundle anew"),
+        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 10: the file is too old: export the bundle"),
         ("flexmotion.bundle/11", "bundle of version 11, this release reads 3 to 10: the file is too new: install"),
         ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/10'"),
         (7, "no bundle: schema is 7"),
