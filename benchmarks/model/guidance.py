@@ -1,9 +1,9 @@
 """Which guidance does each kind of motion need?
 
 With more of it gestures are made more surely, and poses go beyond what people do: of `SCALES` each kind gets the least
-one at which its prompts are done about as often as at the best. The scale of most kinds becomes the bundle's, those of
-the others its correction `guidance`. `--write` puts them into the bundle. What was chosen by one seed is to be reported
-by another (`model/prompts`). Only measures.
+one at which its prompts are done about as often as at the best. The scale of most kinds becomes the bundle's; those of
+the others, where the model can make them, become its correction `guidance`. `--write` puts them into the bundle. What
+was chosen by one seed is to be reported by another (`model/prompts`). Only measures.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.model.prompts import passed
+from benchmarks.model.prompts import OFFERED, passed
 from benchmarks.shared.cells import share
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, WriteOption
@@ -26,7 +26,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.sampling.sampler import Sampler
 
-SCALES = (1.0, 1.5, 2.0)
+SCALES = (1.0, 1.5, 2.0, 3.0)
 """Of the request: those for which a student is distilled."""
 ABOUT = 0.05
 """By so much less often than at the best scale a kind may be done at a lower one."""
@@ -64,7 +64,8 @@ def main(
             found[entry.of][scale] = done(sampler, entry, range(seed, seed + samples), seconds)
     chosen = {kind: least_enough(shares) for kind, shares in found.items()}
     usual = Counter(chosen.values()).most_common(1)[0][0]
-    own = {kind: scale for kind, scale in sorted(chosen.items()) if scale != usual}
+    made = {kind for kind, shares in found.items() if max(shares.values()) >= OFFERED}
+    own = {kind: scale for kind, scale in sorted(chosen.items()) if scale != usual and kind in made}
     table = Table("kind", *(f"{scale:g}" for scale in SCALES), "chosen", title="Done, by scale of the guidance")
     for kind, shares in found.items():
         table.add_row(kind, *(f"{100 * shares[scale]:.0f} %" for scale in SCALES), f"{chosen[kind]:g}")
