@@ -40,6 +40,7 @@ class Corrections(Strict):
             without one cannot be slowed to a `Pace`.
         guidance: scale of the guidance of kinds that need another than the bundle's: with more of it gestures are made
             more surely, and poses beyond what people do.
+        normal_guidance: scale of the guidance of the normal manner; None: that of other manners, which need more of it.
     """
 
     standing_noise: float = Field(default=1.0, ge=0)
@@ -55,6 +56,7 @@ class Corrections(Strict):
     catch_up_limit: float = Field(default=0.0, ge=0)
     speeds: dict[str, Velocity] = Field(default_factory=dict)
     guidance: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    normal_guidance: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
     def _limited(self) -> Corrections:

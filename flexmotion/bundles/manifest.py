@@ -47,7 +47,7 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_CORRECTIONS_SINCE_10 = {"guidance"}
+_CORRECTIONS_SINCE_10 = {"guidance", "normal_guidance"}
 _SINCE_10: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_10}
 _CORRECTIONS_SINCE_9 = {"pose_noise"} | _CORRECTIONS_SINCE_10
 _SINCE_9: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_9}
@@ -197,7 +197,7 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     """
     texts = [_text(manifest.model_dump())]
     corrections, plain = manifest.corrections, Corrections()
-    if corrections.guidance:
+    if any(getattr(corrections, name) != getattr(plain, name) for name in _CORRECTIONS_SINCE_10):
         return _hashes(texts)
     texts.append(_text(manifest.model_dump(exclude=_SINCE_10) | {"schema_": "flexmotion.bundle/9"}))
     if corrections.pose_noise != plain.pose_noise:

@@ -139,10 +139,12 @@ class Requests:
 
     def guidance(self, condition: Condition) -> tuple[float, float]:
         """Scales of the guidance of a condition of `meant`: of the request, and of its manner."""
-        asked, manner = condition.guidance, condition.manner_guidance
+        corrections, asked, manner = self._corrections, condition.guidance, condition.manner_guidance
         if asked is None:
-            kind = None if condition.wordless else self._words(condition).kind
-            asked = self._corrections.guidance.get(kind or "", self._manifest.guidance)
+            kind = "" if condition.wordless else self._words(condition).kind
+            asked = corrections.guidance.get(kind, self._manifest.guidance)
+        if manner is None and self.manner(condition) == NORMAL:
+            manner = corrections.normal_guidance
         return asked, self._manifest.manner_guidance if manner is None else manner
 
     def stands(self, condition: Condition) -> bool:

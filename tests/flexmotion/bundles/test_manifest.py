@@ -42,7 +42,7 @@ def of_schema_6(folder: Path) -> tuple[Bundle, Bundle]:
     """Two copies of the shipped bundle, with corrections that schema 6 has: in the newest schema, and in schema 6."""
     corrections = {"aside": 1.5, "speeds": {"run": [2.3, 0.0, 0.0]}}
     rest = Corrections.model_validate(corrections).model_dump(
-        exclude={"travelling_noise", "spot_noise", "pose_noise", "ahead", "turning", "guidance"}
+        exclude={"travelling_noise", "spot_noise", "pose_noise", "ahead", "turning", "guidance", "normal_guidance"}
     )
     write_manifest(changed(folder / "new", corrections=corrections).manifest, folder / "new" / MANIFEST)
     return Bundle(folder / "new"), changed(
@@ -97,8 +97,8 @@ def test_former_schemas_describe_only_what_they_had() -> None:
         assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 4
     held = {"corrections": Corrections(pose_noise=0.3)}
     assert len(equivalent_hashes(manifest.model_copy(update=held))) == 2
-    guided = {"corrections": Corrections(guidance={"bow": 2.0})}
-    assert len(equivalent_hashes(manifest.model_copy(update=guided))) == 1
+    for new in (Corrections(guidance={"bow": 2.0}), Corrections(normal_guidance=1.0)):
+        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 1
 
 
 def test_another_correction_is_another_bundle(tmp_path: Path) -> None:

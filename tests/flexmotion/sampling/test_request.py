@@ -25,18 +25,21 @@ def test_a_turn_on_the_spot_may_be_a_number_of_numpy(bundle: Path, turning: floa
 def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     """Regression: with one scale for all, poses went beyond people's, or bows and goodbyes were hardly made.
 
-    A scale that is asked for comes first; a velocity without words is guided as the words that it is given.
+    A scale that is asked for comes first; a velocity without words is guided as the words that it is given. Manners
+    need more of it than the normal one.
     """
     opened = Bundle(bundle)
-    corrections = opened.manifest.corrections.model_copy(update={"guidance": {"bow": 2.0, "walk": 1.25}})
+    scales = {"guidance": {"bow": 2.0, "walk": 1.25}, "normal_guidance": 1.0}
+    corrections = opened.manifest.corrections.model_copy(update=scales)
     opened.manifest = opened.manifest.model_copy(
         update={"guidance": 1.5, "manner_guidance": 1.25, "corrections": corrections}
     )
     requests = Requests(opened, unjudged=True)
-    assert requests.guidance(Condition(text="bow")) == (2.0, 1.25)
-    assert requests.guidance(Condition(text="raise your right hand")) == (1.5, 1.25)
-    assert requests.guidance(Condition(velocity=(0.5, 0.0, 0.0))) == (1.25, 1.25)
+    assert requests.guidance(Condition(text="bow")) == (2.0, 1.0)
+    assert requests.guidance(Condition(text="bow", manner="proud")) == (2.0, 1.25)
+    assert requests.guidance(Condition(text="raise your right hand")) == (1.5, 1.0)
+    assert requests.guidance(Condition(velocity=(0.5, 0.0, 0.0))) == (1.25, 1.0)
     assert requests.guidance(Condition(text="bow", guidance=1.0, manner_guidance=2.0)) == (1.0, 2.0)
-    assert requests.guidance(Condition(wordless=True)) == (1.5, 1.25)
+    assert requests.guidance(Condition(wordless=True)) == (1.5, 1.0)
     with pytest.raises(ConfigError, match=r"guidance\.bow: unknown kind"):
         corrections.require_known({*corrections.speeds, "walk"}, "corrections.yaml")
