@@ -365,6 +365,7 @@ class ControlLoop:
         if playback is Playback.FREEZE:
             self.now.qd[:] = 0.0
             self.servo.softness.reset()
+            self.command.position[:] = self.servo.held(self.state)
             self.driver.write(self.command)
             return
         plan = self.intake.plan if playback is Playback.PLAN else None
