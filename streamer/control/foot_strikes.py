@@ -27,10 +27,13 @@ from flexmotion.streamer.control.estimator import Estimator
 Float = NDArray[np.float64]
 
 NEAR_M = 0.004
-"""A corner that may be this low when the goal has arrived may strike before, and one that is this low may be what the
-robot stands on [m]: heights over the lowest corner are as good as tilt, floor and gears are, which of two it stands on
-cannot be told by them. Of the 12 hardest strikes in 64 pushes of .9 and 1.2 N·s, which changed what goals imply by .93
-to 1.38 N·m, nine corners were seen 1.7 to 4.7 mm high 4 ms before, three 10 mm and more (tilted falls)."""
+"""A corner that may be this low when the goal has arrived may strike before [m]: heights over the lowest corner are as
+good as tilt, floor and gears are. Of the 12 hardest strikes in 64 pushes of .9 and 1.2 N·s, which changed what goals
+imply by .93 to 1.38 N·m, nine corners were seen 1.7 to 4.7 mm high 4 ms before, three 10 mm and more (tilted falls)."""
+GROUND_M = 2.0 * NEAR_M
+"""A corner that is no higher than this over the lowest one may be what the robot stands on [m]: which of two it is
+cannot be told by their heights, and both may be wrong. With 2 mm, and with 4, a corner that came down was taken to be
+at rest, and no strike was foreseen. In unpushed walks what is foreseen binds no goal, with 15 mm neither."""
 FRICTION = 1.0
 """Greatest friction of a floor: about that of rubber soles on dry ground. A falling robot dragged a foot along at 1.1
 m/s; its toe struck, and the knee went from 1.2 to 2.4 rad/s in a millisecond. Without friction .3 rad/s more was
@@ -76,7 +79,7 @@ class FootStrikes:
         corner = data.xpos[self._feet][:, None, :] + self._corners @ rotation.transpose(0, 2, 1)
         height, velocity = corner[:, :, 2].ravel(), self._velocities(data, corner)
         height -= height.min()
-        on_ground = np.flatnonzero(height <= NEAR_M)
+        on_ground = np.flatnonzero(height <= GROUND_M)
         if len(on_ground):
             velocity -= velocity[on_ground[np.argmax(velocity[on_ground, 2])]]
         rate = velocity[:, 2]
