@@ -48,8 +48,8 @@ _LATE_TICKS = 3
 _SWAYS = 0.2
 """Tilt of a robot that sways [rad]; walks tilt by up to .07. If its IMU is not believed any more from there on, it is
 not known where its feet are: the ground may stop any joint at any time. The goal of such a robot implied 1.01 of the
-stall torque as its foot struck, in one of 360 pushes. Not while the IMU is
-believed: with the same from 24° on 98 of 180 pushed robots stayed up, 106 without."""
+stall torque as its foot struck, in one of 360 pushes. Not while the IMU is believed: with the same from 24° on 98 of
+180 pushed robots stayed up, 106 without."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
