@@ -208,6 +208,33 @@ class ServoCommand:
         np.copyto(self.goal, limited, where=np.isfinite(limited))
         return self.goal
 
+    def held(self, measured: RobotState) -> Float:
+        """Goals of a robot that is frozen: the last ones, as far as they are inside the envelope.
+
+        What moves a joint away from its goal makes the goal imply more: the robot may fall as it is. A silent joint
+        keeps its goal.
+
+        Args:
+            measured: the joints' state.
+
+        Returns:
+            (n,) [rad]. `goal` stays what it is.
+        """
+        robot, supply = self.robot, self._supply_of(measured)
+        kp = robot.kp * supply
+        if some(measured.stale):
+            np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
+        drag, most = robot.back_emf / kp, STOPPED_SHARE * robot.stall_torque * supply / kp
+        later = measured.velocity + (measured.velocity - self._velocity)
+        moved = measured.position + self.delay * (measured.velocity + later)
+        np.copyto(self._velocity, measured.velocity)
+        goal = self.goal.copy()
+        for middle in (moved + drag * later, measured.position + drag * measured.velocity):
+            goal = np.minimum(np.maximum(goal, middle - most), middle + most)
+        # Outside its limits a goal may only move inwards.
+        goal = np.minimum(np.maximum(goal, np.minimum(robot.lower, self.goal)), np.maximum(robot.upper, self.goal))
+        return np.where((measured.stale > 0) | ~np.isfinite(goal), self.goal, goal)
+
     def _settle(self, bounded: Float) -> None:
         """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -273,6 +274,42 @@ def test_a_robot_that_hangs_expects_no_strike(
     loop.strikes.change[1] = 1.0
     run(1)
     assert not loop.strikes.change.any()
+
+
+@pytest.mark.parametrize("tilt", [0.1, 0.35])
+@pytest.mark.usefixtures("ready")
+def test_goals_are_those_of_a_robot_in_impacts_once_a_swaying_robot_has_lost_its_imu(
+    loop: ControlLoop,
+    run: Callable[..., None],
+    retargeter: Retargeter,
+    monkeypatch: pytest.MonkeyPatch,
+    tilt: float,
+) -> None:
+    """A robot fell, its IMU was not believed any more, and it was taken to be upright: no strike was foreseen.
+
+    The goal of a knee implied 1.01 of its stall torque (benchmarks/robot/pushes, seed 5).
+    """
+    offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20)
+    read, update, lost = loop.driver.read, loop.servo.update, False
+    expected: list[bool] = []
+
+    def deaf(state: RobotState) -> None:
+        read(state)
+        state.imu_stale = 100 if lost else 0
+
+    def noted(*reference: Any, impacts: bool, **others: Any) -> np.ndarray:
+        expected.append(impacts)
+        return update(*reference, impacts=impacts, **others)
+
+    monkeypatch.setattr(loop.driver, "read", deaf)
+    monkeypatch.setattr(loop.servo, "update", noted)
+    loop.estimator.ahrs.set_quaternion(np.array([np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0]))
+    run(1)
+    lost = True
+    run(3)
+    assert not loop.estimator.has_imu
+    assert expected == [False, *[tilt > 0.2] * 3]
 
 
 @pytest.mark.parametrize("plan", [False, True])

@@ -92,6 +92,33 @@ def test_a_frozen_robot_holds_a_servo_where_it_stopped(loop: ControlLoop, op3: R
     assert steps.max() <= max(most, DECAY_SHARE * op3.no_load_speed[arm]) / op3.rate_hz + 1e-9
 
 
+def test_a_joint_that_is_pulled_away_from_its_frozen_goal_is_sent_no_goal_outside_the_envelope(
+    loop: ControlLoop, op3: Robot
+) -> None:
+    """Frozen goals were sent as they were, also for joints that something moved.
+
+    A robot fell while it was frozen: its goals, sent again, implied 1.02 of a knee's stall torque. Here an arm is
+    turned against the torso by more and more, up to more than its servo holds.
+    """
+    driver, arm = loop.driver, op3.index("l_sho_pitch")
+    assert isinstance(driver, SimDriver)
+    run(loop, lambda: loop.ready, start=True)
+    run(loop, lambda: loop.ladder.state is State.HOLD, estop=True)
+    frozen, force = loop.command.position.copy(), driver.data.xfrc_applied
+    arm_id, step = driver.model.body("l_sho_pitch_link").id, op3.stall_torque[arm] / 40
+
+    def parks() -> bool:
+        force[arm_id, 4] += step
+        force[driver.model.body("body_link").id, 4] -= step
+        return loop.ladder.state is State.PARK
+
+    sent = np.array(run(loop, parks))[:-1]
+    assert abs(driver.position[arm] - frozen[arm]) > 0.3
+    assert driver.violations == 0
+    others = np.arange(op3.n) != arm
+    assert len(sent) > 30 and (sent[:30] == frozen).all() and (sent[:, others] == frozen[others]).all()
+
+
 def lying(read: Callable[[RobotState], None]) -> Callable[[RobotState], None]:
     """A driver's `read` with an IMU that measures 4 g too much."""
 

@@ -370,3 +370,26 @@ def test_no_cap_is_left_when_torque_goes_on_again() -> None:
     command.take_cap(np.full(N, 0.3))
     command.reset(ROBOT.stand_pose)
     assert np.isinf(command.cap).all()
+
+
+def test_a_frozen_goal_follows_a_joint_that_something_moves_as_far_as_the_envelope_asks() -> None:
+    """The knee of a robot that fell frozen was moved from its goal, and braked with 1.02 of its stall torque."""
+    knee, position, velocity = ROBOT.index("l_knee"), np.zeros(N), np.zeros(N)
+    frozen = position.copy()
+    frozen[knee] = 1.626
+    command = ServoCommand(ROBOT, DELAY)
+    command.reset(frozen)
+    position[knee] = 1.60
+    np.testing.assert_array_equal(command.held(measured(position, velocity, 12.0)), frozen)
+    for at in (1.72, 1.735):
+        position[knee], velocity[knee] = at, 2.37
+        goal = command.held(measured(position, velocity, 12.0))
+    implied = (ROBOT.kp * (goal - position) - ROBOT.back_emf * velocity) / ROBOT.stall_torque
+    assert abs(implied[knee]) <= STOPPED_SHARE + 1e-9
+    assert goal[knee] > frozen[knee]
+    np.testing.assert_array_equal(np.delete(goal, knee), np.delete(frozen, knee))
+    position[knee] = velocity[knee] = np.nan
+    np.testing.assert_array_equal(command.held(measured(position, velocity, 12.0)), frozen)
+    position[knee], velocity[knee] = 1.60, 0.0
+    command.held(measured(position, velocity, 12.0))
+    np.testing.assert_array_equal(command.held(measured(position, velocity, 12.0)), frozen)
