@@ -93,7 +93,11 @@ class FootStrikes:
         """Velocities of the corners in the world frame, (8, 3) [m/s]."""
         twist = data.cvel[self._feet]  # angular velocity, then linear at the robot's centre of mass
         arm = corner - data.subtree_com[self._robot.torso_id]
-        velocity: Float = twist[:, None, 3:] + np.cross(twist[:, None, :3], arm)
+        turning = twist[:, None, :3]
+        velocity = np.empty((2, len(_CORNERS), 3))
+        for axis, (second, third) in enumerate(((1, 2), (2, 0), (0, 1))):  # np.cross takes five times as long
+            around = turning[:, :, second] * arm[:, :, third] - turning[:, :, third] * arm[:, :, second]
+            velocity[:, :, axis] = twist[:, 3 + axis, None] + around
         return velocity.reshape(-1, 3)
 
     def _changes(
