@@ -184,6 +184,8 @@ class DistillationConfig(Strict):
     @classmethod
     def _without_former(cls, content: Any) -> Any:
         """Without settings of a distillation of earlier releases, which their files still hold."""
+        if not isinstance(content, dict):
+            return content
         return {name: value for name, value in content.items() if name not in ("grid", "skip")}
 
 

@@ -63,22 +63,21 @@ def main(
             assert entry.of is not None
             found[entry.of][scale] = done(sampler, entry, range(seed, seed + samples), seconds)
     chosen = {kind: least_enough(shares) for kind, shares in found.items()}
-    usual = Counter(chosen.values()).most_common(1)[0][0]
-    made = {kind for kind, shares in found.items() if max(shares.values()) >= OFFERED}
-    own = {kind: scale for kind, scale in sorted(chosen.items()) if scale != usual and kind in made}
+    made = {kind: scale for kind, scale in sorted(chosen.items()) if max(found[kind].values()) >= OFFERED}
+    usual = Counter(made.values()).most_common(1)[0][0] if made else opened.manifest.guidance
+    of_kinds = {kind: scale for kind, scale in made.items() if scale != usual}
     table = Table("kind", *(f"{scale:g}" for scale in SCALES), "chosen", title="Done, by scale of the guidance")
     for kind, shares in found.items():
         table.add_row(kind, *(f"{100 * shares[scale]:.0f} %" for scale in SCALES), f"{chosen[kind]:g}")
     Console(width=100).print(table)
-    typer.echo(
-        f"the bundle's scale: {usual:g}; others: {', '.join(f'{kind} {s:g}' for kind, s in own.items()) or 'none'}"
-    )
+    others = ", ".join(f"{kind} {scale:g}" for kind, scale in of_kinds.items()) or "none"
+    typer.echo(f"the bundle's scale: {usual:g}; others: {others}")
     if write:
-        corrections = opened.manifest.corrections.model_copy(update={"guidance": own})
+        corrections = opened.manifest.corrections.model_copy(update={"guidance": of_kinds})
         changed = opened.manifest.model_copy(update={"guidance": usual, "corrections": corrections})
         write_manifest(changed, opened.folder / MANIFEST)
     by_kind = {kind: {f"{scale:g}": own for scale, own in shares.items()} for kind, shares in found.items()}
-    return Outcome([], {"guidance": usual, "of_kinds": own, "samples": samples, "seed": seed, "by_kind": by_kind})
+    return Outcome([], {"guidance": usual, "of_kinds": of_kinds, "samples": samples, "seed": seed, "by_kind": by_kind})
 
 
 def done(sampler: Sampler, entry: PromptKind, seeds: range, seconds: float) -> float:

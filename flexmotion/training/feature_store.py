@@ -29,7 +29,7 @@ from flexmotion.human.signals import resample_signal, same_rate
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.human_tensors import LOADS
-from flexmotion.training.onsets import TOLD_BY, onset
+from flexmotion.training.onsets import TOLD_BY, WITHIN_S, onset
 
 INDEX = "index.json"
 
@@ -139,7 +139,8 @@ class FeatureStore:
             if part is not None:
                 found.append(round(part.start * self.layout.fps))
                 continue
-            places = self.features[clip.start : clip.start + clip.frames, block].astype(np.float32)
+            frames = min(clip.frames, round(WITHIN_S * self.layout.fps))
+            places = self.features[clip.start : clip.start + frames, block].astype(np.float32)
             told = TOLD_BY.get(clip_kind(clip.labels, clip.whole_captions), self.layout.points)
             chosen = [self.layout.points.index(point) for point in told]
             found.append(onset(places.reshape(len(places), -1, 3)[:, chosen]))

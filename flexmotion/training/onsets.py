@@ -20,7 +20,10 @@ TOLD_BY = {"bow": ("shoulder_l", "shoulder_r")}
 second and then bow. A model remembers a quarter of a second, does not know how long it has stood, and waits on."""
 
 PASSED, BEGUN = 0.3, 0.1
-"""Shares of a clip's greatest displacement: a motion is under way at the first, and has begun at the second."""
+"""Shares of the greatest displacement: a motion is under way at the first, and has begun at the second."""
+
+WITHIN_S = 4.0
+"""Time from the beginning of a clip in which its onset is looked for: a long clip shows more than one motion."""
 
 
 def onset(places: NDArray[np.floating]) -> int:

@@ -135,7 +135,7 @@ class WindowSet:
         values = torch.from_numpy(statistics.normalise(self.store.features[rows].astype(np.float32)))
         # A mistracked marker must not weigh as much as a thousand frames.
         values = values.clamp(-CLIP, CLIP)
-        inside = torch.from_numpy(frame <= last)
+        inside = torch.from_numpy((frame >= 0) & (frame <= last))
         if not bool(inside.all()):
             values = self._held(values, inside)
         return Windows(

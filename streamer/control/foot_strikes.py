@@ -61,7 +61,6 @@ class FootStrikes:
         flat = robot.soles[:, None, :].repeat(len(_CORNERS), axis=1)
         flat[:, :, :2] += _CORNERS * robot.sole_half_size[:, None, :]
         self._corners = flat  # in the frames of their feet, (2, 4, 3)
-        self._way = np.zeros((3, robot.model.nv))
 
     def reset(self) -> None:
         """No foot is about to strike."""
@@ -70,8 +69,8 @@ class FootStrikes:
     def update(self, estimator: Estimator) -> None:
         """Look at the corners of both soles as the estimator has them.
 
-        How fast the torso rises is not known. Of the corners on the ground none goes down, so the one that comes up
-        fastest is at rest at least.
+        How fast the torso moves is not known. Of the corners on the ground none goes down, so the one that comes up
+        fastest is at rest at least. It is taken not to slide either.
         """
         self.reset()
         model, data = estimator.model, estimator.data
@@ -117,24 +116,24 @@ class FootStrikes:
         return found
 
 
-def _impulses(softness: Float, velocity: Float) -> Float:
+def _impulses(inverse_inertia: Float, velocity: Float) -> Float:
     """Impulses that stop corners: without friction, and with it, (k, 2, 3) [N·s].
 
     Args:
-        softness: J M^-1 J', change of a corner's velocity by an impulse, (k, 3, 3) [1/kg].
+        inverse_inertia: J M^-1 J', change of a corner's velocity by an impulse, (k, 3, 3) [1/kg].
         velocity: of the corners that come down, (k, 3) [m/s].
     """
     impulse = np.zeros((len(velocity), 2, 3))
-    upward = softness[:, 2, 2]
+    upward = inverse_inertia[:, 2, 2]
     impulse[:, :, 2] = (-velocity[:, 2] / upward)[:, None]
-    stuck = np.linalg.solve(softness, -velocity[:, :, None])[:, :, 0]
+    stuck = np.linalg.solve(inverse_inertia, -velocity[:, :, None])[:, :, 0]
     along = np.hypot(stuck[:, 0], stuck[:, 1])
-    # A floor does not pull: where the corner could stick only so, friction alone lifts it.
+    # A floor does not pull: where the corner could stick only so, it slides.
     pressed = stuck[:, 2] > 0.0
-    share = np.where(pressed, along / np.where(pressed, stuck[:, 2], 1.0), 0.0)
+    share = np.where(pressed, along / np.where(pressed, stuck[:, 2], 1.0), FRICTION)
     slides = np.minimum(share, FRICTION)
     against = stuck[:, :2] * (slides / np.maximum(along, 1e-12))[:, None]
     # Sliding or not, the upward part of the velocity ends. The sum is positive, as it is without friction and stuck.
-    impulse[:, 1, 2] = -velocity[:, 2] / (upward + (softness[:, 2, :2] * against).sum(axis=1))
+    impulse[:, 1, 2] = -velocity[:, 2] / (upward + (inverse_inertia[:, 2, :2] * against).sum(axis=1))
     impulse[:, 1, :2] = against * impulse[:, 1, 2, None]
     return impulse

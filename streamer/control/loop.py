@@ -163,6 +163,8 @@ class ControlLoop:
         if began is not None:
             self._writer.plan_began(began.ticket)
         self.estimator.update(self.state, self.now)
+        if self.estimator.has_imu:
+            self._sways = self.estimator.tilt_angle > _SWAYS
         before, fault = self.ladder.state, self.ladder.fault
         self._set_inputs(before)
         playback = self.ladder.step(self.inputs)
@@ -362,6 +364,7 @@ class ControlLoop:
         self.driver.take_pins(pinned)
         self.servo.reset(pinned)
         self.command.position[:] = pinned
+        self._sways = False
         return pinned
 
     def _play(self, playback: Playback) -> None:
@@ -371,7 +374,8 @@ class ControlLoop:
         if playback is Playback.FREEZE:
             self.now.qd[:] = 0.0
             self.servo.softness.reset()
-            self.command.position[:] = self.servo.held(self.state)
+            expected = self.plausibility.expected if self.plausibility.returned else None
+            self.command.position[:] = self.servo.held(self.state, expected)
             self.driver.write(self.command)
             return
         plan = self.intake.plan if playback is Playback.PLAN else None
@@ -395,8 +399,6 @@ class ControlLoop:
             self.ahead.q += self.level.offset
             self.ahead.qd += self.level.speed
         self.joints.lead(self.ahead, self._load, self.state)
-        if self.estimator.has_imu:
-            self._sways = self.estimator.tilt_angle > _SWAYS
         expected = self.plausibility.expected if self.plausibility.returned else None
         if self.now.balanced and not self.suspension.hung:
             self.strikes.update(self.estimator)

@@ -35,13 +35,15 @@ BRAKING_SPEED = 0.3
 """Joint speed from which the braking torque is allowed in full [rad/s]. Near standstill only the usable torque is: a
 foot's impact may reverse the joint within a tick, and the goal must then still be inside the envelope."""
 IMPACT_BRAKING_SHARE = 0.5
-"""The same for a robot that gets up: the ground stops joints while a goal is under way, by up to 2.1 rad/s (back-EMF of
-XM430-W350: 1.8 N·m). With `BRAKING_SHARE` two goals in 20 rises from the front were outside the envelope."""
+"""The same for a robot that gets up, or sways and has no IMU: the ground stops joints while a goal is under way, by up
+to 2.1 rad/s (back-EMF of XM430-W350: 1.8 N·m). With `BRAKING_SHARE` two goals in 20 rises from the front were outside
+the envelope."""
 
 STOPPED_SHARE = 0.9
-"""Most that the goal of a robot that gets up implies for a joint that is stopped under way, over the stall torque: the
-joint goes on for a moment. In one of 40 rises the floor stopped a hip from 3.8 rad/s in a tick, with 1.3 times it. The
-same for joints of a robot that walks once a foot has struck as foreseen; strikes add up to .4 N·m more than that."""
+"""Most that the goal of a robot that gets up, or is frozen, implies for a joint that is stopped under way, over the
+stall torque: the joint goes on for a moment. In one of 40 rises the floor stopped a hip from 3.8 rad/s in a tick, with
+1.3 times it. The same for joints of a robot that walks once a foot has struck as foreseen; strikes add up to .4 N·m
+more than that."""
 CAP_RISE_S = 0.2
 """Time in which a cap rises to the stall torque [s]: as long as a soft joint takes to become stiff."""
 
@@ -208,7 +210,7 @@ class ServoCommand:
         np.copyto(self.goal, limited, where=np.isfinite(limited))
         return self.goal
 
-    def held(self, measured: RobotState) -> Float:
+    def held(self, measured: RobotState, expected: Float | None = None) -> Float:
         """Goals of a robot that is frozen: the last ones, as far as they are inside the envelope.
 
         What moves a joint away from its goal makes the goal imply more: the robot may fall as it is. A silent joint
@@ -216,15 +218,18 @@ class ServoCommand:
 
         Args:
             measured: the joints' state.
+            expected: as in `update`.
 
         Returns:
-            (n,) [rad]. `goal` stays what it is.
+            (n,) [rad]. `goal` stays what it is, and what the joints go back to.
         """
         robot, supply = self.robot, self._supply_of(measured)
         kp = robot.kp * supply
         if some(measured.stale):
             np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
-        drag, most = robot.back_emf / kp, STOPPED_SHARE * robot.stall_torque * supply / kp
+        if expected is not None:
+            np.copyto(self._velocity, measured.velocity, where=np.isfinite(expected))
+        drag, most = robot.back_emf / kp, np.minimum(STOPPED_SHARE * robot.stall_torque * supply, self.cap) / kp
         later = measured.velocity + (measured.velocity - self._velocity)
         moved = measured.position + self.delay * (measured.velocity + later)
         np.copyto(self._velocity, measured.velocity)

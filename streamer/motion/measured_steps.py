@@ -52,7 +52,7 @@ def at_rate(speeds: Speeds, step: Step, rate: Rate, on_the_spot: bool) -> Step:
     fastest = min(most / abs(share) for most, share in zip(FASTEST, along, strict=True) if share)
     if not STILL <= rate.value <= fastest:
         unit = "rad/s" if rate.turns else "m/s"
-        raise RefusedError(f"{rate.said!r} is {rate.value:.3g} {unit}, expected {STILL:g} to {fastest:g} {unit}")
+        raise RefusedError(f"{rate.said!r} is {rate.value:.3g} {unit}, expected {STILL:g} to {fastest:.3g} {unit}")
     forward, left, turning = (share * rate.value for share in along)
     slowed = speeds.slowed(Condition(velocity=(forward, left, turning), pace=speeds.pace))
     told = step.told.model_copy(update={"slowed": slowed})

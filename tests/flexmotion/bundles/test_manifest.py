@@ -179,7 +179,8 @@ def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) ->
     assert shipped.meant(Condition("walk forward", pace=slow)).velocity == (0.5, 0.0, 0.0)
     assert plain.meant(Condition(velocity=(1.0, 0.0, 0.0), pace=slow)).velocity == (0.5, 0.0, 0.0)
     # A motion without corrections is the same, others differ.
-    for condition, same in ((Condition("bow"), True), (Condition(), False), (Condition(velocity=(0, 0.2, 0)), False)):
+    wave = Condition("wave with the right hand", manner_guidance=1.0)
+    for condition, same in ((wave, True), (Condition(), False), (Condition(velocity=(0, 0.2, 0)), False)):
         one, other = (sampler.sample(history, condition, seed=1) for sampler in (plain, shipped))
         assert np.array_equal(one.joints, other.joints) == same
     velocity = plain._inputs["velocity"][0] * [plain.body.leg, plain.body.leg, 1.0]

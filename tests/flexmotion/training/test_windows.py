@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
 from flexmotion.configs.errors import MotionFormatError  # noqa: E402
+from flexmotion.training.onsets import WITHIN_S, onset  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
 from flexmotion.training.window_set import WindowSet  # noqa: E402
 
@@ -50,6 +53,23 @@ def test_windows_with_those_that_follow_lie_within_their_clips(trained: Run) -> 
     assert drawn.following is not None and torch.equal(following.future, drawn.following)
     with pytest.raises(ValueError, match="windows that follow"):
         following.next(drawn.history)
+
+
+def test_onsets_are_those_of_the_index_or_of_the_moving_body(trained: Run) -> None:
+    """A bow's is told by the shoulders alone: people lay their hands together before it."""
+    store = trained.store()
+    told = {"content": "nod", "start_s": "0.5", "end_s": "1.0", "around": "stand"}
+    labels = [told, {"content": "bow"}, *({} for _ in store.clips[2:])]
+    clips = [replace(clip, labels=own, captions=(), spans=()) for clip, own in zip(store.clips, labels, strict=True)]
+    vars(store)["clips"] = tuple(clips)
+    block, points = store.layout.blocks["positions"], store.layout.points
+    shoulders = [points.index(name) for name in ("shoulder_l", "shoulder_r")]
+    for clip, found, chosen in zip(clips[1:3], store.onsets[1:3], (shoulders, range(len(points))), strict=True):
+        frames = min(clip.frames, round(WITHIN_S * store.layout.fps))
+        places = store.features[clip.start : clip.start + frames, block].astype(np.float32).reshape(frames, -1, 3)
+        assert found == onset(places[:, list(chosen)])
+    assert store.onsets[0] == round(0.5 * store.layout.fps)
+    assert "onsets" not in vars(store.without_variants())
 
 
 def test_windows_begin_where_the_motion_of_their_clip_does(trained: Run) -> None:

@@ -372,6 +372,18 @@ def test_no_cap_is_left_when_torque_goes_on_again() -> None:
     assert np.isinf(command.cap).all()
 
 
+def test_a_frozen_goal_keeps_below_a_cap() -> None:
+    """A knee that may give .3 N·m was moved by .25 rad while it was frozen, and its goal implied 3.69 N·m."""
+    knee, command = ROBOT.index("l_knee"), ServoCommand(ROBOT, DELAY)
+    command.reset(ROBOT.stand_pose)
+    command.take_cap(np.full(N, 0.3))
+    moved = ROBOT.stand_pose.copy()
+    moved[knee] -= 0.25
+    for _ in range(3):
+        goal = command.held(measured(moved, np.zeros(N), 12.0))
+        assert abs(goal[knee] - moved[knee]) * ROBOT.kp[knee] <= 0.3 + 1e-9
+
+
 def test_a_frozen_goal_follows_a_joint_that_something_moves_as_far_as_the_envelope_asks() -> None:
     """The knee of a robot that fell frozen was moved from its goal, and braked with 1.02 of its stall torque."""
     knee, position, velocity = ROBOT.index("l_knee"), np.zeros(N), np.zeros(N)
