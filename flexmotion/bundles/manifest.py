@@ -107,9 +107,9 @@ class Manifest(Strict):
         latent: size of the latent vector.
         steps: default number of sampling steps.
         times: length of the noise schedule.
-        guided: whether the guidance scale is an input of the network (few steps); else guidance takes two evaluations.
-        guidance: default scale.
-        manner_guidance: default scale of the manner.
+        guided: whether the guidance scale is an input of the network; else guidance takes three evaluations.
+        guidance: default scale; kinds may have another one (`corrections`).
+        manner_guidance: default scale of the manner; the normal one may have another (`corrections`).
         velocity: whether a velocity can be commanded.
         manner: whether the manner is an input of the network; before schema 6 it is not.
         personal: manner of a person -> file of the denoiser that is used for requests in that manner, and for no other;

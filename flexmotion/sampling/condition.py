@@ -21,7 +21,7 @@ class Condition:
         wordless: whether nothing is said of what to do, in words or manner: the history goes on, at the velocity, which
             is asked as it is. `text` and `manner` do not count then.
         manner: in which to do it; None for the one that the words say, which is the normal one where they say none.
-        guidance: scale of classifier-free guidance; None for the bundle's default.
+        guidance: scale of classifier-free guidance; None for the kind's, or the bundle's default.
         manner_guidance: likewise, of the manner against any manner.
         pace: greatest velocities; velocities beyond it, and words that mean faster ones ("run"), are slowed. None for
             no limit.

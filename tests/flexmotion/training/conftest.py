@@ -286,7 +286,7 @@ def bundle(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 
 @pytest.fixture(scope="session")
 def undistilled(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    """The diffusion model of fifty steps, exported."""
+    """The diffusion model without a student, exported."""
     from flexmotion.training.export import export
 
     return export(trained, tmp_path_factory.mktemp("undistilled") / "stream", distilled=False)

@@ -108,7 +108,7 @@ def test_a_persons_network_is_ready_before_it_is_asked_for(hers: Bundle, monkeyp
     sampler.sample(sampler.standing(), Condition("walk like Ada"), 1)
 
 
-def test_the_model_of_fifty_steps_has_the_person_too(undistilled: Bundle, ada: Run, tmp_path: Path) -> None:
+def test_the_model_without_a_student_has_the_person_too(undistilled: Bundle, ada: Run, tmp_path: Path) -> None:
     after = export_bundle(ada, tmp_path / "after", distilled=False)
     old, new = Sampler(undistilled, 2), Sampler(after, 2)
     assert same(*(own.sample(own.standing(), Condition("walk"), 1) for own in (old, new)))
