@@ -233,8 +233,8 @@ class Gait(Strict):
 EmergencyStop = Literal["freeze", "captured_stop", "crouch"]
 """What an emergency stop does at first; then the robot parks, and its torque goes off.
 
-freeze: the goals stay as they are, inside the envelope. captured_stop: the plan's own balanced stop. crouch: the way to the rest pose begins
-at once, from whatever pose it is in.
+freeze: the goals stay as they are, inside the envelope. captured_stop: the plan's own balanced stop. crouch: the way to
+the rest pose begins at once, from whatever pose it is in.
 """
 
 

@@ -1,9 +1,10 @@
 """What does the latent model of few steps gain, and lose, against simpler and slower ways?
 
 Held-out windows are sampled after the clips' histories with their sentences by: the nearest training window, the model
-with 1, 2 and 4 steps, its teacher, which is guided by three evaluations, with 10 and 50 steps, and a diffusion of frames without a latent (MDM's
-architecture) that is trained here on the same features, words and manners. The shipped model was trained for longer
-than that, so a latent diffusion is trained here as well, for as many steps on the same windows ("latent, same steps").
+with 1, 2 and 4 steps, its teacher, which is guided by three evaluations, with 10 and 50 steps, and a diffusion of
+frames without a latent (MDM's architecture) that is trained here on the same features, words and manners. The shipped
+model was trained for longer than that, so a latent diffusion is trained here as well, for as many steps on the same
+windows ("latent, same steps").
 TRAINING is a run of `flexmotion train` with features, text, diffusion, distillation and evaluator, or a weights file
 whose folder has them; `--set` then gives the data, and a training folder is made in OUT. A training that was stopped
 continues when it is started again. Times are of the processor, in samples of the model as it is shipped. It only
