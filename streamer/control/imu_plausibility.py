@@ -17,8 +17,8 @@ FALL_STEPS = 4.0
 """Change of the angular velocity in a tick, over that of a falling robot, g / h; a larger one needs an impact, which
 the accelerometer shows. What turns a robot without one (its weight, friction of the feet, servos) is at most about its
 weight, at a lever of its own size: g / h is the measure for robots of every size. OP3 in simulation reaches 1.1 where
-it walks, and 2.3 pushed every 1.5 s on a floor with a friction of 0.25. About its upright axis, about which it does not
-topple, a robot turns faster by what its inertia is smaller: OP3 by a factor of 4.4."""
+it walks, and 2.3 pushed every 1.5 s on a floor with a friction of 0.25. About its upright axis a robot is smaller by
+what its radius of gyration is: OP3 by a factor of 2.1."""
 IMPACT_TICKS = 3
 """Ticks for which a change of the specific force explains a change of the speed: one of `FALL_STEPS` for each g, and a
 part of one for a part of it. In 360 pushes, which felled every second OP3 in simulation, feet that struck made up to
@@ -67,6 +67,7 @@ class ImuPlausibility:
         self._changes = [0.0] * IMPACT_TICKS  # of the specific force, in the last ticks [m/s²]
         self.doubted = self.restored = False
         self._held = False  # whether the last gyro sample was not believed
+        self._held_for = np.zeros(3, np.int64)  # ticks for which each axis has not been believed
         self._rest, self._rested = [math.nan] * 3, 0.0  # specific force as the rest began, and its length [s]
 
     def check(self, state: RobotState, elapsed: float, *, powered: bool = True, lies: bool = False) -> None:
@@ -106,7 +107,15 @@ class ImuPlausibility:
             self._gyro.forget()
             self._suspicion.reset()
             self.restored = True
-        self._held = wrong = some(self._gyro.take(state.gyro, gap, self._turn_of * max(self._changes)))
+        explained = self._turn_of * max(self._changes)
+        if self._held:  # a turn that was there before an impact is not its doing
+            explained *= self._held_for < IMPACT_TICKS
+        unbelieved = self._gyro.take(state.gyro, gap, explained)
+        self._held = wrong = some(unbelieved)
+        if wrong:
+            self._held_for = np.where(unbelieved, self._held_for + 1, 0)
+        elif self._held_for.any():
+            self._held_for.fill(0)
         wrong |= some(self._accel.take(state.accel, gap))
         wrong |= self._no_gravity(state, gap)
         self.doubted = wrong
@@ -136,7 +145,7 @@ class ImuPlausibility:
 
 
 def _slenderness(robot: Robot) -> float:
-    """Inertia of the standing robot about the axes about which it topples, over that about its upright one."""
+    """Radius of gyration of a standing robot about axes about which it topples, over that about its upright one."""
     model, data = robot.model, mujoco.MjData(robot.model)
     data.qpos[robot.qpos_address] = robot.stand_pose
     mujoco.mj_forward(model, data)
@@ -145,4 +154,4 @@ def _slenderness(robot: Robot) -> float:
     axes = data.ximat[bodies].reshape(-1, 3, 3)
     own = np.einsum("kij,kj->ki", axes**2, model.body_inertia[bodies])
     inertia = (own + model.body_mass[bodies, None] * ((away**2).sum(axis=1, keepdims=True) - away**2)).sum(axis=0)
-    return max(float(min(inertia[:2]) / inertia[2]), 1.0)
+    return max(math.sqrt(min(inertia[:2]) / inertia[2]), 1.0)

@@ -221,6 +221,15 @@ def test_a_turn_of_any_axis_without_a_force_is_not_believed(watched: Watched, ax
     assert watched.state.imu_stale > 0
 
 
+def test_a_turn_that_was_wrong_before_an_impact_is_wrong_after_it(watched: Watched) -> None:
+    """A gyro that lied for good was believed at the next strike of a foot: the attitude went round, the robot fell."""
+    for _ in range(20):
+        watched.read(gyro=5.0)
+    for force in (4.0, -4.0, 0.0, 0.0, 0.0):
+        assert watched.read(gyro=5.0, accel=force * GRAVITY).gyro[0] == 0.0
+    assert watched.state.imu_stale > 0
+
+
 def test_two_lies_that_seem_to_explain_each_other_are_no_fall(watched: Watched) -> None:
     """A wrong force was an impact, which explained any turn within three ticks, and the turn was held for good.
 
