@@ -70,7 +70,7 @@ class Believed:
     Args:
         m: number of values.
         lowest, highest: the range, (m,).
-        step: greatest change that is believed at once.
+        step: greatest change that is believed at once, of all or of each, (m,).
         agreeing: readings in a row that must agree on a larger one; None: it is never believed.
 
     Attributes:
@@ -78,10 +78,11 @@ class Believed:
     """
 
     def __init__(
-        self, m: int, lowest: Float, highest: Float, *, step: float = math.inf, agreeing: int | None = 2
+        self, m: int, lowest: Float, highest: Float, *, step: Float | float = math.inf, agreeing: int | None = 2
     ) -> None:
         self.value = np.full(m, np.nan)
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
+        self._bounded = bool(np.isfinite(step).all())
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
         self._none = np.zeros(m, np.bool_)
         self._before, self._returns = np.full(m, np.nan), 0  # values before a sudden step, and readings left
@@ -93,7 +94,7 @@ class Believed:
         self._repeats.fill(0)
         self._returns = 0
 
-    def take(self, values: Float, widened: float = 1.0, explained: float = 0.0) -> Bool:
+    def take(self, values: Float, widened: float = 1.0, explained: Float | float = 0.0) -> Bool:
         """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).
 
         The result must not be changed. NaN (unknown) is left as it is.
@@ -133,4 +134,4 @@ class Believed:
         inside = every((values >= self._lowest) & (values <= self._highest))
         if not inside or some(self._repeats):
             return False
-        return self._step == math.inf or every(np.abs(values - self.value) <= _SUDDEN * widened * self._step)
+        return not self._bounded or every(np.abs(values - self.value) <= _SUDDEN * widened * self._step)

@@ -62,6 +62,7 @@ class Inputs:
         move_done: the slow move of this state is done, or the robot has got up.
         get_up_failed: why it does not get up, or None.
         fallen: the torso is tilted past the robot's limit.
+        unseen: it swayed as the IMU was lost, and is past that limit by now if it has fallen on.
         fault: why servos, sensors, supply or planner require an orderly end, or None.
         blocked: why a joint cannot go where its goals lead it, or None: the plan cannot be played on.
         stands: that joint carries the robot, which must not be lowered before somebody holds it.
@@ -80,6 +81,7 @@ class Inputs:
     plan_over: bool = False
     move_done: bool = False
     fallen: bool = False
+    unseen: bool = False
     fault: str | None = None
     blocked: str | None = None
     stands: bool = False
@@ -93,6 +95,9 @@ class Inputs:
 
 
 _STOPPED = {"freeze": "frozen", "captured_stop": "brought to a stand", "crouch": "lowered"}
+
+_FALL = "fall: torso tilted past the robot's limit"
+_UNSEEN = "fall: the robot swayed as its IMU was lost, and may have fallen since"
 
 POWERED = (State.READY, State.STREAMING, State.HOLD, State.PARK, State.DAMPED, State.GET_UP)
 
@@ -169,8 +174,8 @@ class Ladder:
             self.state = State.FAULT
         elif self.state in (State.DAMPED, State.GET_UP):
             return False
-        elif inputs.fallen:
-            self._latch("fall: torso tilted past the robot's limit")
+        elif inputs.fallen or inputs.unseen:
+            self._latch(_FALL if inputs.fallen else _UNSEEN)
             self.state, self._left = State.DAMPED, self._damp_ticks
         elif inputs.estop and not self._pressed:
             return self._emergency_stop(max(self._freeze_ticks, self._left if self.waits else 0))

@@ -36,6 +36,7 @@ from flexmotion.streamer.control.suspension import Suspension
 from flexmotion.streamer.control.swing_level import SwingLevel
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.control.tick_row import REPAIRS
+from flexmotion.streamer.control.unseen_fall import UnseenFall
 
 Float = NDArray[np.float64]
 
@@ -45,11 +46,6 @@ _JUDGED = (State.READY, State.STREAMING, State.HOLD)
 _MAY_HOLD = "their joints may be stiff; switch the power off"
 _LATE_TICKS = 3
 """Ticks from one to the next after which goals begin where the servos hold them."""
-_SWAYS = 0.2
-"""Tilt of a robot that sways [rad]; walks tilt by up to .07. If its IMU is not believed any more from there on, it is
-not known where its feet are: the ground may stop any joint at any time. The goal of such a robot implied 1.01 of the
-stall torque as its foot struck, in one of 360 pushes. Not while the IMU is believed: with the same from 24° on 98 of
-180 pushed robots stayed up, 106 without."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -93,6 +89,7 @@ class ControlLoop:
         self.command = JointCommand(robot.n)
         self.now, self.ahead = Reference(robot.n), Reference(robot.n)
         self.estimator = Estimator(robot, retargeter.omega)
+        self.unseen = UnseenFall(robot)
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.level = SwingLevel(robot, retargeter, enabled=feedback)
@@ -113,7 +110,6 @@ class ControlLoop:
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._last_tick = 0
-        self._sways = False  # as far as its tilt was known last
         self._moves_slowly = False  # by `move`, whose reference advances by a tick with each that is done
         self._pins = np.full(robot.n, np.nan)  # goals that the driver has pinned
         self._load = np.zeros(robot.n)  # planned, of the goals in effect
@@ -233,6 +229,9 @@ class ControlLoop:
             return
         tilted = self.estimator.tilt_angle > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
+        if self.now.balanced and not self.suspension.hung:
+            believed = measured.imu_stale == 0 and not self.plausibility.imu_doubted
+            inputs.unseen = self.unseen.update(self.estimator, self.now, measured=believed)
         if state in _JUDGED:
             known = (measured.stale == 0) & ~self.joints.limp
             # Judged by the stiff goals: by softer ones a blocked joint would never be named.
@@ -334,6 +333,7 @@ class ControlLoop:
             self.load.reset()
             self.suspension.reset()
             self.estimator.reset()
+            self.unseen.sways = False
             self.gyro_bias.reset()
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.GET_UP:
@@ -414,7 +414,7 @@ class ControlLoop:
             stiffness=self.ahead.stiffness,
             struck=self.strikes.change,
             slow=plan is None and playback is not Playback.GET_UP,
-            impacts=playback is Playback.GET_UP or (self._sways and not self.estimator.has_imu),
+            impacts=playback is Playback.GET_UP or (self.unseen.sways and not self.estimator.has_imu),
         )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs

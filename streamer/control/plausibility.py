@@ -111,6 +111,11 @@ class Plausibility:
         """Whether the gyro is believed again with the last check: the torso of a robot that lies is at rest."""
         return self._imu.restored
 
+    @property
+    def imu_doubted(self) -> bool:
+        """Whether something of the last sample of the IMU was not believed."""
+        return self._imu.doubted
+
     def check(
         self,
         state: RobotState,

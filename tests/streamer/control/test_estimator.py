@@ -97,6 +97,34 @@ def test_an_imu_that_misses_a_few_reads_still_counts() -> None:
     assert estimator.has_imu
 
 
+@pytest.mark.parametrize("missed", [3, 25])
+def test_a_torso_that_turns_while_samples_are_missed_is_tilted_by_that_turn(missed: int) -> None:
+    """A robot fell, its IMU was silent for 0.2 s, and its fall was detected 22 ticks late.
+
+    The attitude had stood still meanwhile.
+    """
+    estimator, rate, angle = settled(measured(), reference()), 1.5, 0.0
+    for tick in range(40):
+        angle += rate / ROBOT.rate_hz
+        state = measured(tilt=(angle, 0.0))
+        state.gyro[0] = rate
+        state.imu_stale = max(tick - 5, 0) if tick < 5 + missed else 0
+        estimator.update(state, reference())
+    assert estimator.has_imu
+    np.testing.assert_allclose(estimator.tilt[0], angle, atol=0.02)
+
+
+def test_a_silence_of_seconds_is_no_turn() -> None:
+    estimator, state = settled(measured(), reference()), measured()
+    state.gyro[0] = 1.0
+    estimator.update(state, reference())
+    state.imu_stale = 500
+    for _ in range(500):
+        estimator.update(state, reference())
+    estimator.update(measured(), reference())
+    assert estimator.tilt_angle < 0.02
+
+
 def test_a_missed_sample_is_no_rotation_by_the_bias() -> None:
     """The bias was subtracted from the zeros of a lost sample too: the robot seemed to turn by minus the bias."""
     estimator = Estimator(ROBOT, RETARGETER.omega)

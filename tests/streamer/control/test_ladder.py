@@ -28,6 +28,7 @@ REQUESTS = (
     "plan_over",
     "move_done",
     "fallen",
+    "unseen",
     "stands",
 )
 REASONS = ("fault", "bus_lost", "cut_off", "blocked", "get_up_failed")
@@ -78,6 +79,7 @@ EMERGENCIES = {
     "cut_off": State.FAULT,
     "bus_lost": State.HOLD,
     "fallen": State.DAMPED,
+    "unseen": State.DAMPED,
     "estop": State.HOLD,
     "blocked": State.HOLD,
 }
@@ -95,11 +97,11 @@ def test_one_input_in_one_state(state: State, name: str) -> None:
     expected = MOVES[state].get(name, state)
     if state in POWERED and name in EMERGENCIES:
         expected = EMERGENCIES[name]
-        if state is State.DAMPED and name in ("fallen", "estop", "bus_lost", "blocked"):
+        if state is State.DAMPED and name in ("fallen", "unseen", "estop", "bus_lost", "blocked"):
             expected = State.DAMPED
         if state is State.PARK and name in ("bus_lost", "blocked"):
             expected = State.PARK
-        if state is State.GET_UP and name in ("fallen", "blocked"):
+        if state is State.GET_UP and name in ("fallen", "unseen", "blocked"):
             expected = State.GET_UP  # it lies, and the ground is in the way of its joints
         if state is State.GET_UP and name in ("estop", "bus_lost"):
             expected = State.DAMPED

@@ -312,6 +312,46 @@ def test_goals_are_those_of_a_robot_in_impacts_once_a_swaying_robot_has_lost_its
     assert expected == [False, *[tilt > 0.2] * 3]
 
 
+@pytest.mark.parametrize(("pushed", "frozen"), [(0.0, False), (3.0, False), (3.0, True)])
+@pytest.mark.usefixtures("ready")
+def test_a_robot_that_loses_its_imu_in_a_fall_gives_way(
+    loop: ControlLoop,
+    run: Callable[..., None],
+    until: Callable[..., None],
+    retargeter: Retargeter,
+    monkeypatch: pytest.MonkeyPatch,
+    pushed: float,
+    frozen: bool,
+) -> None:
+    """It was taken to be as upright as its plan, and struck the ground stiff: no fall was detected.
+
+    Where a leg stopped on the way, it was called blocked, and the robot was frozen for 30 s. One that does not sway
+    goes on without its IMU.
+    """
+    driver = loop.driver
+    assert isinstance(driver, SimDriver)
+    offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20)
+    read, begin = driver.read, loop.tick_count
+
+    def deaf(state: RobotState) -> None:
+        read(state)
+        state.imu_stale = 100
+
+    driver.push((0.0, pushed, 0.0), 0.1)
+    until(lambda: loop.estimator.tilt_angle > 0.3 or loop.tick_count > begin + 60)
+    monkeypatch.setattr(driver, "read", deaf)
+    run(60, estop=frozen)
+    if pushed:
+        told = [event.message for event in events(loop.telemetry.events.reader())]
+        assert any(message.startswith("STREAMING -> HOLD: e-stop") for message in told) is frozen
+        cause = "e-stop: " if frozen else "fall: the robot swayed"
+        assert loop.ladder.fault is not None and loop.ladder.fault.startswith(cause)
+        assert loop.ladder.state is State.DAMPED
+    else:
+        assert loop.ladder.state in (State.STREAMING, State.HOLD) and loop.ladder.fault is None
+
+
 @pytest.mark.parametrize("plan", [False, True])
 @pytest.mark.usefixtures("ready")
 def test_estop_freezes_the_last_goals(

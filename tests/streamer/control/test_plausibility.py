@@ -46,14 +46,20 @@ class Watched:
         silent: int | None = None,
         lies: bool = False,
         force: np.ndarray | None = None,
+        turns: np.ndarray | None = None,
         **wrong: float,
     ) -> RobotState:
-        """The next reading, wrong by so much; `silent`: a joint that does not answer; `force`: the specific force."""
+        """The next reading, wrong by so much.
+
+        Args:
+            silent: a joint that does not answer.
+            force, turns: of the IMU, (3,) [m/s², rad/s]; None: at rest.
+        """
         state, robot = self.state, self.robot
         self.true += self.speed / RATE
         state.position[:], state.velocity[:] = self.true, self.speed
         state.voltage[:], state.temperature[:] = robot.nominal_voltage, 40.0
-        state.gyro[:], state.accel[:] = 0.0, (0.0, 0.0, GRAVITY) if force is None else force
+        state.gyro[:], state.accel[:] = 0.0 if turns is None else turns, (0.0, 0.0, GRAVITY) if force is None else force
         state.stale[:], state.imu_stale = 0, 0
         for name, value in wrong.items():
             getattr(state, name)[0 if name in ("gyro", "accel") else KNEE] += value
@@ -172,6 +178,56 @@ def test_a_turn_that_nothing_explains_is_not_believed_and_an_impact_is(watched: 
     assert watched.read().gyro[0] == 0.0 and watched.checks.disbelieved == 1
     struck = watched.read(gyro=5.0, accel=30.0)
     assert struck.gyro[0] == 5.0 and struck.accel[0] == 30.0
+
+
+STRIKES = {
+    "it turns about its upright axis": [
+        ((-0.81, 1.15, -0.12), (-0.21, -0.07, 0.92)),
+        ((-0.79, 2.08, 1.47), (-0.34, -0.45, 1.00)),
+        ((-0.69, 2.05, 1.55), (-0.27, -0.32, 0.74)),
+        ((-0.60, 2.00, 1.60), (-0.29, -0.32, 0.72)),
+    ],
+    "with half a step in another one": [
+        ((1.95, -1.63, -0.70), (-0.19, -0.03, 0.66)),
+        ((3.05, -0.54, -3.31), (-0.04, 0.21, 0.27)),
+        ((3.01, -0.41, -3.59), (-0.04, 0.48, 0.60)),
+        ((2.90, -0.33, -3.83), (-0.05, 0.50, 0.59)),
+    ],
+}
+"""What the IMU of a pushed OP3 measured where a foot struck the floor, tick by tick: turn [rad/s] and force [g]."""
+
+
+@pytest.mark.parametrize("strike", STRIKES)
+def test_an_imu_is_believed_where_a_foot_strikes_far_from_the_middle(watched: Watched, strike: str) -> None:
+    """The force changed by less than 1 g, so that nothing explained the turn: it was held, and the tilt was lost.
+
+    A robot that fell on from 20 degrees was taken to be upright, and struck the ground stiff.
+    """
+    first, *struck = STRIKES[strike]
+    for _ in range(4):  # a speed of the middle of a fall, reached step by step
+        watched.read(turns=np.array(first[0]) / 2, force=GRAVITY * np.array(first[1]))
+    for turns, force in (first, *struck, *struck[-1:] * 20):
+        state = watched.read(turns=np.array(turns), force=GRAVITY * np.array(force))
+        np.testing.assert_array_equal(state.gyro, turns)
+        assert state.imu_stale == 0
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_of_any_axis_without_a_force_is_not_believed(watched: Watched, axis: int) -> None:
+    wrong = np.zeros(3)
+    wrong[axis] = 8.0
+    for _ in range(watched.robot.safety.max_stale_reads + 1):
+        assert not watched.read(turns=wrong).gyro.any()
+    assert watched.state.imu_stale > 0
+
+
+def test_a_turn_that_was_wrong_before_an_impact_is_wrong_after_it(watched: Watched) -> None:
+    """A gyro that lied for good was believed at the next strike of a foot: the attitude went round, the robot fell."""
+    for _ in range(20):
+        watched.read(gyro=5.0)
+    for force in (4.0, -4.0, 0.0, 0.0, 0.0):
+        assert watched.read(gyro=5.0, accel=force * GRAVITY).gyro[0] == 0.0
+    assert watched.state.imu_stale > 0
 
 
 def test_two_lies_that_seem_to_explain_each_other_are_no_fall(watched: Watched) -> None:
