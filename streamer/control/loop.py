@@ -159,8 +159,6 @@ class ControlLoop:
         if began is not None:
             self._writer.plan_began(began.ticket)
         self.estimator.update(self.state, self.now)
-        if self.estimator.has_imu:
-            self._sways = self.estimator.tilt_angle > _SWAYS
         before, fault = self.ladder.state, self.ladder.fault
         self._set_inputs(before)
         playback = self.ladder.step(self.inputs)
@@ -364,7 +362,6 @@ class ControlLoop:
         self.driver.take_pins(pinned)
         self.servo.reset(pinned)
         self.command.position[:] = pinned
-        self._sways = False
         return pinned
 
     def _play(self, playback: Playback) -> None:
