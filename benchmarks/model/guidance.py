@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.model.prompts import OFFERED, passed
+from benchmarks.model.prompts import OFFERED, done
 from benchmarks.shared.cells import share
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, WriteOption
 from benchmarks.shared.outcome import Outcome
-from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
+from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.sampling.sampler import Sampler
@@ -61,7 +61,7 @@ def main(
         sampler = sampler_at(Bundle(opened.folder), scale)
         for entry in track(entries, f"scale {scale:g}", console=Console(stderr=True)):
             assert entry.of is not None
-            found[entry.of][scale] = done(sampler, entry, range(seed, seed + samples), seconds)
+            found[entry.of][scale] = share(done(sampler, entry, seed, samples, seconds))
     chosen = {kind: least_enough(shares) for kind, shares in found.items()}
     made = {kind: scale for kind, scale in sorted(chosen.items()) if max(found[kind].values()) >= OFFERED}
     usual = Counter(made.values()).most_common(1)[0][0] if made else opened.manifest.guidance
@@ -78,8 +78,3 @@ def main(
         write_manifest(changed, opened.folder / MANIFEST)
     by_kind = {kind: {f"{scale:g}": own for scale, own in shares.items()} for kind, shares in found.items()}
     return Outcome([], {"guidance": usual, "of_kinds": of_kinds, "samples": samples, "seed": seed, "by_kind": by_kind})
-
-
-def done(sampler: Sampler, entry: PromptKind, seeds: range, seconds: float) -> float:
-    """Share of samples of a kind's wordings that do what it asks."""
-    return share([own for wording in entry.wordings for own in passed(sampler, entry, wording, seeds, seconds)])

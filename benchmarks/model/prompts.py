@@ -108,6 +108,19 @@ def passed(sampler: Sampler, entry: PromptKind, wording: str, seeds: range, seco
     return found
 
 
+def done(sampler: Sampler, entry: PromptKind, seed: int, samples: int, seconds: float) -> list[bool]:
+    """`passed` of all wordings of a kind.
+
+    Each has seeds of its own: all are heard as the same, and with the same seeds three wordings were one.
+    """
+    firsts = (seed + number * samples for number in range(len(entry.wordings)))
+    return [
+        own
+        for wording, first in zip(entry.wordings, firsts, strict=True)
+        for own in passed(sampler, entry, wording, range(first, first + samples), seconds)
+    ]
+
+
 def judged(entry: PromptKind, motion: Motion) -> bool:
     """Whether a motion passes all checks of a kind."""
     human = forward(motion)
@@ -130,8 +143,7 @@ def main(
     # Of none: "nonsense", which is to be refused.
     entries = [entry for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of is None or entry.of in known]
     for entry in entries:
-        done = [passed(sampler, entry, wording, range(seed, seed + samples), seconds) for wording in entry.wordings]
-        shares[entry.kind] = share([own for each in done for own in each])
+        shares[entry.kind] = share(done(sampler, entry, seed, samples, seconds))
         kinds = ", ".join(sampler.prompt(wording).kind for wording in entry.wordings)
         table.add_row(entry.kind, f"{100 * shares[entry.kind]:.0f} %", kinds)
     Console(width=140).print(table)
