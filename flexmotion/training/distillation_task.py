@@ -21,6 +21,10 @@ from flexmotion.training.examples import Example, Examples, SetExamples
 VALIDATION = 256
 """Windows whose samples are compared with the teacher's."""
 
+USUAL = 0.5
+"""Share of samples at the scale that most kinds are sampled at, in the normal manner. Without them a student of 500
+steps bent the elbow of a hand that is held out by 12° more than people, its teacher by 5°."""
+
 
 def guided(full: Tensor, any_manner: Tensor, unconditional: Tensor, guidance: Tensor) -> Tensor:
     """The estimate under guidance, (N, latent).
@@ -98,7 +102,10 @@ class DistillationTask:
         """Scales of requests and of their manners, (N, 2)."""
         distillation = self.config.distillation
         low, high = distillation.guidance_low, distillation.guidance_high
-        return (low + (high - low) * uniform(key, (count, 2))).to(self.teacher.processes.device)
+        scales = low + (high - low) * uniform((*key, 0), (count, 2))
+        usual = scales.new_tensor([self.config.diffusion.guidance, low])
+        scales = torch.where(uniform((*key, 1), (count, 1)) < USUAL, usual, scales)
+        return scales.to(self.teacher.processes.device)
 
     def _estimated(self, example: Example, guidance: Tensor, noisy: Tensor, time: Tensor) -> Tensor:
         """The student's estimate of the clean latents."""
