@@ -87,7 +87,7 @@ class Requests:
             if speed is None or slowed is None or slowed.velocity == speed:
                 return condition
             assert slowed.velocity is not None
-            walks = hypot(*speed[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
+            walks = hypot(*speed[:2]) >= RUN_FROM > hypot(*slowed.velocity[:2])
             # Words of running, and of turning, pull the body to their own speed: half as fast again in a turn.
             return replace(slowed, text=None) if walks or speed[2] else slowed
         still = condition.text is None and np.abs(condition.velocity).max() < STILL

@@ -229,7 +229,9 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if self.now.balanced and not self.suspension.hung:
             believed = measured.imu_stale == 0 and not self.plausibility.imu_doubted
-            inputs.unseen = self.unseen.update(self.estimator, self.now, measured=believed)
+            falls = self.unseen.update(self.estimator, self.now, measured=believed)
+            # One that lies may have told of the sway itself, and the robot is parked. Right ones stay believed.
+            inputs.unseen = falls and not bool(self.plausibility.imu_suspicion.raised)
         if state in _JUDGED:
             known = (measured.stale == 0) & ~self.joints.limp
             # Judged by the stiff goals: by softer ones a blocked joint would never be named.

@@ -2,7 +2,8 @@
 
 Without an IMU a robot walks open loop, and falls are not detected: a walk seldom needs its feedback. One that already
 sways does: its plan says that it is upright, and it would fall stiff, in every state that plays a plan. A strike that
-brings a robot down may also pull the cable of its IMU, or shake it into readings that cannot be.
+brings a robot down may also pull the cable of its IMU. One that is there and not believed may have told of the sway
+itself: the loop leaves it out.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.request import Requests
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.text.phrases import STAND, wordings
@@ -138,21 +141,31 @@ def test_words_are_slowed_to_the_pace(sampler: Sampler, sentence: str) -> None:
     ("sentence", "velocity"),
     [
         ("walk backward", (-0.4, 0.0, 0.0)),
-        ("turn left", (0.5, 0.0, 0.425)),
-        ("turn right", (0.5, 0.0, -0.425)),
+        ("turn left", (0.5, 0.0, None)),
+        ("turn right", (0.5, 0.0, None)),
         ("make a dash for it", (0.5, 0.0, 0.0)),
     ],
 )
 def test_all_kinds_of_locomotion_are_slowed(
-    sampler: Sampler, sentence: str, velocity: tuple[float, float, float]
+    sampler: Sampler, sentence: str, velocity: tuple[float, float, float | None]
 ) -> None:
+    """A turn is slowed as a whole: its radius stays."""
+    own = sampler.own_velocity(sampler.meant(Condition(sentence)))
+    assert own is not None
+    ahead, aside, turning = velocity
+    turning = own[2] * ahead / own[0] if turning is None else turning
     meant = sampler.meant(Condition(sentence, pace=Pace(ahead=0.5, back=0.4, aside=0.2, turning=1.0)))
-    assert meant.velocity == pytest.approx(velocity)
+    assert meant.velocity == pytest.approx((ahead, aside, turning))
 
 
-def test_running_continues_at_a_sufficient_pace(sampler: Sampler) -> None:
-    for ahead, runs in ((2.15, True), (1.9, False)):
-        meant = sampler.meant(Condition("run ahead", pace=Pace(ahead, 1.0, 1.0, 2.0)))
+def test_running_continues_at_a_sufficient_pace(bundle: Path) -> None:
+    """A model that runs at the speed from which on humans run walks at any lower one."""
+    opened = Bundle(bundle)
+    speeds = opened.manifest.corrections.speeds
+    for own, ahead, runs in ((2.75, 2.15, True), (2.75, 1.9, False), (2.0, 1.9, False)):
+        corrections = opened.manifest.corrections.model_copy(update={"speeds": speeds | {"run": (own, 0.0, 0.0)}})
+        opened.manifest = opened.manifest.model_copy(update={"corrections": corrections})
+        meant = Requests(opened).meant(Condition("run ahead", pace=Pace(ahead, 1.0, 1.0, 2.0)))
         assert meant.velocity == pytest.approx((ahead, 0.0, 0.0)) and (meant.text is not None) == runs
 
 
