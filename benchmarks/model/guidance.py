@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.model.corrections import sampler_with
 from benchmarks.model.prompts import OFFERED, done
 from benchmarks.shared.cells import share
 from benchmarks.shared.model import open_bundle
@@ -34,9 +35,8 @@ ABOUT = 0.05
 
 def sampler_at(bundle: Bundle, scale: float) -> Sampler:
     """A sampler of a bundle at one scale for all kinds that it knows."""
-    corrections = bundle.manifest.corrections.model_copy(update={"guidance": {}})
-    bundle.manifest = bundle.manifest.model_copy(update={"guidance": scale, "corrections": corrections})
-    return Sampler(bundle, unjudged=True)
+    bundle.manifest = bundle.manifest.model_copy(update={"guidance": scale})
+    return sampler_with(bundle, bundle.manifest.corrections.model_copy(update={"guidance": {}}))
 
 
 def least_enough(shares: dict[float, float]) -> float:
@@ -55,13 +55,12 @@ def main(
     """Judge every kind at every scale."""
     opened = open_bundle(bundle)
     known = opened.prompts.kinds
-    entries = [entry for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of in known]
-    found: dict[str, dict[float, float]] = {entry.of: {} for entry in entries if entry.of is not None}
+    entries = {entry.of: entry for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of and entry.of in known}
+    found: dict[str, dict[float, float]] = {kind: {} for kind in entries}
     for scale in SCALES:
         sampler = sampler_at(Bundle(opened.folder), scale)
-        for entry in track(entries, f"scale {scale:g}", console=Console(stderr=True)):
-            assert entry.of is not None
-            found[entry.of][scale] = share(done(sampler, entry, seed, samples, seconds))
+        for kind, entry in track(entries.items(), f"scale {scale:g}", console=Console(stderr=True)):
+            found[kind][scale] = share(done(sampler, entry, seed, samples, seconds))
     chosen = {kind: least_enough(shares) for kind, shares in found.items()}
     made = {kind: scale for kind, scale in sorted(chosen.items()) if max(found[kind].values()) >= OFFERED}
     usual = Counter(made.values()).most_common(1)[0][0] if made else opened.manifest.guidance

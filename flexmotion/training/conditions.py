@@ -197,9 +197,10 @@ class Sentences:
             parts = [] if window is None else _within(self._parts[clip], *window)
             part = None if window is None else self._shown[clip]
             waiting = waits is not None and bool(waits[at])
-            if part is not None and window is not None and part.covers(*window):
-                if waiting:
-                    continue
+            covered = part is not None and window is not None and part.covers(*window)
+            if covered and waiting:
+                continue
+            elif covered:
                 # A nod moves little and a held pose nothing, but neither is standing.
                 choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
             elif part is not None and window is not None and part.leaves(*window):

@@ -10,8 +10,8 @@ The strike is that of a point that comes to rest without a rebound (Featherstone
     change = M^-1 J' p,  J M^-1 J' p = -v
 
 for the impulse p of the floor. Without friction it has an upward part alone, and stops the upward part of v. With
-friction it stops all of v, or pushes against the way with `FRICTION` times its upward part. How rough the floor is is
-not known, so both strikes are foreseen.
+friction it stops all of v, or pushes where it would to stop it, with `FRICTION` times its upward part. How rough the
+floor is is not known, so both strikes are foreseen.
 """
 
 from __future__ import annotations

@@ -370,10 +370,10 @@ class ControlLoop:
         if playback in (Playback.NOTHING, Playback.DAMP):
             self.now.balanced = False
             return
+        expected = self.plausibility.expected if self.plausibility.returned else None
         if playback is Playback.FREEZE:
             self.now.qd[:] = 0.0
             self.servo.softness.reset()
-            expected = self.plausibility.expected if self.plausibility.returned else None
             self.command.position[:] = self.servo.held(self.state, expected)
             self.driver.write(self.command)
             return
@@ -398,7 +398,6 @@ class ControlLoop:
             self.ahead.q += self.level.offset
             self.ahead.qd += self.level.speed
         self.joints.lead(self.ahead, self._load, self.state)
-        expected = self.plausibility.expected if self.plausibility.returned else None
         if self.now.balanced and not self.suspension.hung:
             self.strikes.update(self.estimator)
         else:

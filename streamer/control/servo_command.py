@@ -174,11 +174,7 @@ class ServoCommand:
             self._doubts = bool((self._trust < 1.0).any())
             if self._doubts:
                 usable = np.maximum(self._trust * usable, np.minimum(np.abs(torque), usable))
-        # The speed of a joint whose reading was assumed has not changed by the difference to it.
-        if silent:
-            np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
-        if back is not None:
-            np.copyto(self._velocity, measured.velocity, where=back)
+        self._skip_assumed(measured, expected)
         lowest, highest = self._bounds(measured.position, measured.velocity, kp, supply, usable)
         bounded = np.maximum(np.minimum(goal, highest), lowest)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
@@ -225,10 +221,7 @@ class ServoCommand:
         """
         robot, supply = self.robot, self._supply_of(measured)
         kp = robot.kp * supply
-        if some(measured.stale):
-            np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
-        if expected is not None:
-            np.copyto(self._velocity, measured.velocity, where=np.isfinite(expected))
+        self._skip_assumed(measured, expected)
         drag, most = robot.back_emf / kp, np.minimum(STOPPED_SHARE * robot.stall_torque * supply, self.cap) / kp
         later = measured.velocity + (measured.velocity - self._velocity)
         moved = measured.position + self.delay * (measured.velocity + later)
@@ -239,6 +232,13 @@ class ServoCommand:
         # Outside its limits a goal may only move inwards.
         goal = np.minimum(np.maximum(goal, np.minimum(robot.lower, self.goal)), np.maximum(robot.upper, self.goal))
         return np.where((measured.stale > 0) | ~np.isfinite(goal), self.goal, goal)
+
+    def _skip_assumed(self, measured: RobotState, expected: Float | None) -> None:
+        """The speed of a joint whose reading was assumed has not changed by the difference to it."""
+        if some(measured.stale):
+            np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
+        if expected is not None:
+            np.copyto(self._velocity, measured.velocity, where=np.isfinite(expected))
 
     def _settle(self, bounded: Float) -> None:
         """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump.

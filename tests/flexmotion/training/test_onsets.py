@@ -15,7 +15,7 @@ def body(moved: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("waits", [0, 12, 50])
 def test_a_bow_begins_when_the_body_leaves_its_first_pose(waits: int) -> None:
-    """Regression: windows of people who stood before a bow were taught as bows, and a model asked for one stood."""
+    """Regression: people stand before they bow. Those windows were taught as bows, so that the model stood too."""
     bow = 0.4 * np.sin(np.linspace(0.0, np.pi, 40)) ** 2
     swaying = 0.01 * np.sin(np.arange(waits))
     found = onset(body(np.concatenate([swaying, bow])))
