@@ -13,6 +13,11 @@ d more (M. Vukobratovic, B. Borovac, "Zero-moment point: thirty five years of it
 on a polygon. Frames before the window are fixed, so the shift begins without a jump of place or speed. The vertical
 path is shifted before, by the same terms with |d|² for the floor in place of the slip, so that the ground is pressed
 on, not pulled at.
+
+Over feet that stay, a body falls away from a zero-moment point that is just kept inside, as an inverted pendulum does.
+Of windows that end standing, the capture point x + ẋ/ω at the end is therefore kept inside as well, at the cost of
+frames before (N. Scianca et al., "MPC for humanoid gait generation: stability and feasibility", IEEE Trans. Robotics
+36(4), 2020: the boundedness condition).
 """
 
 from __future__ import annotations
@@ -44,7 +49,9 @@ class Balance:
         ease: penalty factor of the method: of an acceleration that the ground cannot give, in one iteration.
         rounds: iterations.
         margin: distance that the zero-moment point keeps from the edge of the soles [m].
+        standing_margin: the same of a body that stands: no foot slips for it.
         least: least vertical acceleration of the ground's force, relative to gravity.
+        capture: weight of the capture point at the end, relative to that of a zero-moment point in one frame.
     """
 
     slip: float = 0.8
@@ -53,7 +60,9 @@ class Balance:
     ease: float = 3.0
     rounds: int = 15
     margin: float = 0.025
+    standing_margin: float = 0.03
     least: float = 0.15
+    capture: float = 200.0
 
 
 BALANCE = Balance()
@@ -68,6 +77,9 @@ FASTEST = 2.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
 
 _NORMALS = np.ascontiguousarray(OUTWARD.T)
+
+CALM = 3
+"""Frames over which the speed at the end of a window is measured."""
 
 PROJECTIONS = 2
 """Half-planes that a point is brought behind, the farthest first, in one iteration."""
@@ -139,7 +151,9 @@ def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> F
     return _whole(_slowed(shift[:, None], needs.fps), needs)[:, 0]
 
 
-def horizontal_shift(needs: Needs, bounds: Float, stays: Float | None = None, settings: Balance = BALANCE) -> Float:
+def horizontal_shift(
+    needs: Needs, bounds: Float, stays: Float | None = None, settings: Balance = BALANCE, *, stands: bool = False
+) -> Float:
     """Shift of the place of every frame, (N, 2) [m]; zero in known frames.
 
     Args:
@@ -148,24 +162,34 @@ def horizontal_shift(needs: Needs, bounds: Float, stays: Float | None = None, se
         stays: share of the region that stays where it is, (N,): of feet that legs bring back to where they are asked to
             be. None: all of it moves along.
         settings: weights.
+        stands: whether the body can come to stand on the region at the end: its capture point is then kept inside.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
     lift = needs.force[terms.rows, 2]
     borne = (lift > LIGHT * GRAVITY) & (bounds[terms.rows, 0] > NOWHERE / 2)
     rows, lift = terms.rows[borne], lift[borne, None]
-    edge = bounds[rows] - settings.margin
+    margin = settings.standing_margin if stands else settings.margin
+    edge = bounds[rows] - margin
     base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift
     lever = needs.centre[rows, 2:] / lift
     moved = -lever * terms.second[rows]
     if stays is not None:
         moved += stays[rows, None] * np.eye(len(needs.root))[rows, needs.known :]
+    # An error of the zero-moment point counts as the acceleration that makes up for it.
+    weight = settings.ease / lever[:, 0] ** 2
+    if stands and bounds[-2, 0] > NOWHERE / 2:
+        frequency = np.sqrt(GRAVITY / needs.centre[-1, 2])
+        capture = _capture(needs.fps, frequency, len(needs.root))
+        base = np.concatenate([base, capture @ needs.centre[:, :2]])
+        moved = np.concatenate([moved, capture[:, needs.known :]])
+        edge = np.concatenate([edge, bounds[-2:-1] - margin])
+        weight = np.append(weight, settings.capture * settings.ease * frequency**4)
     start = np.stack([terms.wanted(needs, axis) for axis in (0, 1)], axis=1)
     shift = terms.place_free @ start
     point = base + moved @ shift
     given = _within(point, edge)
     if (given != point).any():
-        # An error of the zero-moment point counts as the acceleration that makes up for it.
-        weighted = moved.T * (settings.ease / lever[:, 0] ** 2)
+        weighted = moved.T * weight
         solved = np.linalg.solve(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
         first, gain = solved[:, :2], solved[:, 2:]
         answer = moved @ gain
@@ -176,6 +200,14 @@ def horizontal_shift(needs: Needs, bounds: Float, stays: Float | None = None, se
             left = ahead - given
         shift = first + gain @ (given - left - base)
     return _whole(_slowed(shift, needs.fps), needs)
+
+
+def _capture(fps: float, frequency: float, frames: int) -> Float:
+    """From the places of a centre of mass to its capture point in the last frame, x + ẋ/ω, (1, N)."""
+    found = np.zeros((1, frames))
+    speed = fps / (CALM * frequency)
+    found[0, -1], found[0, -1 - CALM] = 1.0 + speed, -speed
+    return found
 
 
 def _within(point: Float, edge: Float) -> Float:

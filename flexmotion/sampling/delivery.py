@@ -30,7 +30,7 @@ from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
-from flexmotion.biomechanics.sole import REACH
+from flexmotion.biomechanics.sole import NEARNESS, REACH
 from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
@@ -39,6 +39,7 @@ from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
 from flexmotion.sampling.balance import Needs, acceleration, horizontal_shift, vertical_shift
 from flexmotion.sampling.ground_share import GroundShare, ground_share
 from flexmotion.sampling.low_pass import continued
+from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.soles import Soles
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -73,6 +74,7 @@ def delivered(
     planned: Float,
     finish: Callable[[Motion, SegmentMotion], Motion] = lambda window, _: window,
     stays: Flags | None = None,
+    resting: RestingFeet | None = None,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -86,6 +88,7 @@ def delivered(
         finish: changes joints of the balanced window a last time before its forces are made, given its segments; its
             root must stay, on which the segments that it does not carry are kept.
         stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
+        resting: feet of a body that stands, which `finish` keeps in place.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -98,7 +101,7 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays)
+    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     at = shift[KNOWN:]
     window = replace(
@@ -115,7 +118,7 @@ def delivered(
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
-    usable = _usable(contacts, soles, REACH)[made]
+    usable = _usable(contacts, soles, REACH, window.fps)[made]
     mass, weight = window.body.mass, window.body.mass * GRAVITY
     assert predicted.wrenches is not None and predicted.pressure_centres is not None
     ground = ground_share(
@@ -150,15 +153,25 @@ def _contacts(motion: Motion) -> Flags:
 
 
 def _balanced(
-    whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float, stays: Flags | None
+    whole: Motion,
+    segments: SegmentMotion,
+    soles: Soles,
+    contacts: Flags,
+    planned: Float,
+    stays: Flags | None,
+    resting: RestingFeet | None,
 ) -> tuple[Float, Needs]:
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
     needs = _needs(segments, whole.body, whole, planned)
     shift = np.zeros((len(whole), 3))
-    usable = _usable(contacts, soles, STANDING)
+    usable = _usable(contacts, soles, STANDING, whole.fps)
     shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
     lifted = needs.shifted(shift)
-    level = horizontal_shift(lifted, soles.bounds(usable), _staying(usable, stays))
+    if resting is not None:
+        stays = resting.stands if stays is None else stays | resting.stands
+        away = np.pad(resting.shift, [(KNOWN, 0), (0, 0), (0, 0)])
+        soles = replace(soles, points=soles.points + away[:, :, None])
+    level = horizontal_shift(lifted, soles.bounds(usable), _staying(usable, stays), stands=resting is not None)
     shift[:, :2] = level
     return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
 
@@ -188,10 +201,15 @@ def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -
     )
 
 
-def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
-    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12)."""
+def _usable(contacts: Flags, soles: Soles, reach: float, fps: float) -> Flags:
+    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12).
+
+    A point that rests on the floor may bear whatever the contact says: a body that stands on both feet and is said to
+    stand on one would fall away from it.
+    """
     low = soles.height < reach
-    stands = low & contacts[..., None]
+    rests = (soles.height < NEARNESS.height) & (soles.speed(fps) < NEARNESS.speed)
+    stands = low & (contacts[..., None] | rests)
     found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
     return found
 

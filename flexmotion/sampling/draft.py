@@ -27,11 +27,19 @@ from flexmotion.sampling.limb_closing import LEG, closed, staying
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
+from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
+
+WALKS = 0.4
+"""A window that leads farther than this is not one of standing, whatever is asked [m]: its body still walks on."""
+
+FAR = 0.015
+"""Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced as well: where
+legs do not reach, the balance is to know. That takes as much time again."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,7 @@ class Draft:
         remembered: features of the last of them, not normalised, (H, F).
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
+        stays: whether what is asked is done on the spot: feet that rest are kept in place by their legs.
         pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
     """
@@ -55,6 +64,7 @@ class Draft:
     remembered: Float32
     balanced: bool
     rest: Float | None
+    stays: bool
     pose: KeptPose | None
     source: str
 
@@ -105,23 +115,45 @@ class Draft:
                 take the place of the decoder's, as far as the motion allows; so do activations that are asked.
             closes: whether its limbs do that; else the window is balanced as if they did, and shows what is missing.
         """
-
-        def finish(window: Motion, segments: SegmentMotion | None = None) -> Motion:
-            if constraints is None or not closes:
-                return window
-            return closed(window, self.anchor, constraints, segments=segments)
-
         if not self.balanced:
-            made = Delivered(self.history[max(0, len(self.history) - EDGE) :], finish(motion))
+            kept = constraints if closes else None
+            window = motion if kept is None else closed(motion, self.anchor, kept)
+            made = Delivered(self.history[max(0, len(self.history) - EDGE) :], window)
         else:
-            stays = None
-            if constraints is not None:
-                reaching = closed(motion, self.anchor, constraints, (LEG,))
-                stays = staying(reaching, self.anchor, constraints)
-                # Forces are shared between the feet as asked before what the motion lacks of them is seen.
-                motion = _with_forces(reaching if closes else motion, constraints, self.anchor)
-            made = delivered(motion, self.history, self._accelerations(found), finish, stays)
+            made = self._in_balance(motion, self._accelerations(found), constraints, closes=closes)
         return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
+
+    def _in_balance(
+        self, motion: Motion, accelerations: Float, constraints: Constraints | None, *, closes: bool
+    ) -> Delivered:
+        """See `delivered`; feet that rest stay where they are."""
+        resting = self._resting(motion)
+        stays, kept = None, constraints if closes else None
+        if constraints is not None:
+            reaching = closed(motion, self.anchor, constraints, (LEG,))
+            stays = staying(reaching, self.anchor, constraints)
+            # Forces are shared between the feet as asked before what the motion lacks of them is seen.
+            motion = _with_forces(reaching if closes else motion, constraints, self.anchor)
+        if resting is not None:
+            nothing = Constraints.none(self.layout, self.body, len(motion))
+            resting = resting if constraints is None else resting.beside(constraints)
+            if np.abs(resting.away).max() > FAR:
+                motion = closed(motion, self.anchor, resting.asked(nothing, self.anchor), (LEG,))
+                resting = resting.reached(foot_points(motion))
+            kept = resting.asked(nothing if kept is None else kept, self.anchor)
+
+        def finish(window: Motion, segments: SegmentMotion) -> Motion:
+            return window if kept is None else closed(window, self.anchor, kept, segments=segments)
+
+        return delivered(motion, self.history, accelerations, finish, stays, resting)
+
+    def _resting(self, motion: Motion) -> RestingFeet | None:
+        """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
+        way = motion.root_position[-1, :2] - self.anchor.place
+        if not self.stays or motion.wrenches is None or motion.contacts is None or np.hypot(*way) > WALKS:
+            return None
+        feet = np.concatenate([self._feet_before, foot_points(motion)])
+        return RestingFeet.of(feet, motion.contacts, self.layout.fps)
 
     def _accelerations(self, found: Float32) -> Float:
         """Second derivative of the root's path before it was joined to the history, (W, 3) [m/s²]."""

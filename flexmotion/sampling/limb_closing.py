@@ -103,6 +103,9 @@ ROUNDS, NEAR = 5, 1e-3
 SHORTER = 0.3
 """Share of a step that is tried after one that did not bring the limb nearer."""
 
+SLOWLY = 0.8
+"""A step after which more than this share of the squared error is left is the last one: the limb does not reach."""
+
 KNOT_FRAMES = 3.0
 """Distance of the knots of the functions of time: at 30 frames a second they hold what a window below 5 Hz does."""
 
@@ -293,7 +296,10 @@ def _closed(pose: LimbPose, angles: Float, limits: Float, wanted: Wanted) -> Flo
         there = pose.moved(moved - angles)
         left = wanted.error(there)
         if left < error:
+            slow = left > SLOWLY * error
             pose, angles, error = there, np.asarray(moved), left
+            if slow:
+                break
         else:  # a limb at its limits, or at a singular angle
             share *= SHORTER
     return angles

@@ -151,6 +151,11 @@ class Requests:
         """Whether a condition of `meant` is that of standing still."""
         return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
 
+    def travels(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` leads away or turns, or does not say what to do."""
+        velocity = condition.velocity if condition.wordless else self.own_velocity(condition)
+        return any(velocity) if velocity is not None else condition.wordless
+
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
         """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.
 

@@ -179,9 +179,18 @@ class Sampler:
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
         """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
         free = condition.constrained is None or not condition.constrained.of_frames
-        rests = free and self.requests.stands(self.meant(condition))
-        rest = self._rest if rests else None
-        return Draft(self.layout, self.body, history, remembered, self.balanced, rest, condition.pose, self._source)
+        meant = self.meant(condition)
+        return Draft(
+            layout=self.layout,
+            body=self.body,
+            history=history,
+            remembered=remembered,
+            balanced=self.balanced,
+            rest=self._rest if free and self.requests.stands(meant) else None,
+            stays=not self.requests.travels(meant),
+            pose=condition.pose,
+            source=self._source,
+        )
 
     def prepare(self) -> None:
         """Make now what the first window with constraints needs: a live planner has no time for that."""

@@ -40,6 +40,30 @@ def test_a_body_is_brought_over_feet_that_stay() -> None:
     assert zmp(needs, along)[late].max() > 0.08
 
 
+def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
+    # A body at the edge of its sole fell over it: its zero-moment point was kept inside, and the pendulum fell away from
+    # that. A bow that was asked for a minute went 60 m.
+    needs, bounds = standing_beside()
+    falls = horizontal_shift(needs, bounds, np.ones(FRAMES))
+    stands = horizontal_shift(needs, bounds, np.ones(FRAMES), stands=True)
+
+    def capture_point(shift: np.ndarray) -> float:
+        place = BESIDE + shift[:, 0]
+        return float(place[-1] + (place[-1] - place[-4]) * FPS / 3 * np.sqrt(HEIGHT / GRAVITY))
+
+    assert capture_point(falls) > 0.5
+    assert abs(capture_point(stands)) < 0.05
+    assert zmp(needs, stands)[FRAMES - 10 : FRAMES - 2].max() < 0.06
+
+
+def test_a_body_over_no_sole_is_not_brought_anywhere() -> None:
+    needs, bounds = standing_beside()
+    nowhere = np.full_like(bounds, -1e3)
+    np.testing.assert_array_equal(
+        horizontal_shift(needs, nowhere, stands=True), horizontal_shift(needs, nowhere, np.zeros(FRAMES))
+    )
+
+
 def test_feet_that_move_along_need_no_word() -> None:
     needs, bounds = standing_beside()
     np.testing.assert_array_equal(horizontal_shift(needs, bounds), horizontal_shift(needs, bounds, np.zeros(FRAMES)))

@@ -26,7 +26,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
     """A walking window after its history, and its features."""
     motion = resample(clip, 30.0)[60 : 60 + 12 + FRAMES]
     features = encode(motion, LAYOUT)
-    return Draft(LAYOUT, motion.body, motion[:12], features[4:12], True, None, None, ""), features[12:]
+    return Draft(LAYOUT, motion.body, motion[:12], features[4:12], True, None, False, None, ""), features[12:]
 
 
 def smooth_changes() -> Tangent:
