@@ -38,8 +38,8 @@ WALKS = 0.4
 """A window that leads farther than this is not one of standing, whatever is asked [m]: its body still walks on."""
 
 FAR = 0.015
-"""Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced as well: where
-legs do not reach, the balance is to know. That takes as much time again."""
+"""Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced, too, which
+takes as much time again: where legs do not reach, the balance is to know."""
 
 
 @dataclass(frozen=True)

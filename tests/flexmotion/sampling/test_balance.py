@@ -41,8 +41,8 @@ def test_a_body_is_brought_over_feet_that_stay() -> None:
 
 
 def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
-    # A body at the edge of its sole fell over it: its zero-moment point was kept inside, and the pendulum fell away from
-    # that. A bow that was asked for a minute went 60 m.
+    # A body at the edge of its sole fell over it: its zero-moment point was kept inside, and the pendulum fell away
+    # from that. A bow that was asked for a minute went 60 m.
     needs, bounds = standing_beside()
     falls = horizontal_shift(needs, bounds, np.ones(FRAMES))
     stands = horizontal_shift(needs, bounds, np.ones(FRAMES), stands=True)
