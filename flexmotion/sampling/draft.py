@@ -34,8 +34,9 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-WALKS = 0.4
-"""A window that leads farther than this is not one of standing, whatever is asked [m]: its body still walks on."""
+WALKS, ARRIVING = 0.4, 4
+"""A window to whose last known frames, so many, or through which a body goes faster than this [m/s] is not one of
+standing, whatever is asked: its body still walks."""
 
 FAR = 0.015
 """Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced, too, which
@@ -149,8 +150,12 @@ class Draft:
 
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
-        way = motion.root_position[-1, :2] - self.anchor.place
-        if not self.stays or motion.wrenches is None or motion.contacts is None or np.hypot(*way) > WALKS:
+        if not self.stays or motion.wrenches is None or motion.contacts is None:
+            return None
+        arrived = self.history.root_position[-ARRIVING:, :2]
+        speed = np.hypot(*(arrived[-1] - arrived[0])) * self.layout.fps / max(len(arrived) - 1, 1)
+        way = np.hypot(*(motion.root_position[-1, :2] - self.anchor.place))
+        if max(speed, way * self.layout.fps / len(motion)) > WALKS:
             return None
         feet = np.concatenate([self._feet_before, foot_points(motion)])
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)

@@ -156,6 +156,10 @@ class Requests:
         velocity = condition.velocity if condition.wordless else self.own_velocity(condition)
         return any(velocity) if velocity is not None else condition.wordless
 
+    def stays(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is known to be done on the spot: of a model whose speeds were measured."""
+        return bool(self._corrections.speeds) and not self.travels(condition)
+
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
         """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.
 

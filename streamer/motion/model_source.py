@@ -31,6 +31,10 @@ _REACHED_S = 1.0
 """A pose counts as reached this long after it was asked for [s]: about one window of the model. A hand that is slower
 goes on to its pose with less noise as well."""
 
+_WALKING, _WALKING_S = 0.3, 0.5
+"""Who is faster than the first [m/s] in the mean over the second [s] walks. Bodies that bow or squat on the spot move
+their pelvis by less."""
+
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later
 frames."""
@@ -363,6 +367,8 @@ class ModelSource:
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""
         condition = self.sampler.meant(self.condition(intent))
+        if self._walks_on(begin, condition):
+            condition = self.sampler.meant(Condition())
         if not self.straight:
             return condition
         # What was sampled after a cut is forgotten, and so is what it was asked for.
@@ -376,6 +382,18 @@ class ModelSource:
         course, asked = course.followed(condition, own, past, sampler.free, noise, played)
         self._courses.append((begin, course))
         return asked
+
+    def _walks_on(self, begin: int, condition: Condition) -> bool:
+        """Whether who was asked for a condition of `meant` on the spot, a window ago or longer, still walks there.
+
+        Most gestures stop a walk by themselves. People of the data who bow often walk before it, so that a walking
+        human who is asked to bow walks on for good: they are to stand first.
+        """
+        requests, begun = self.sampler.requests, self._begun(begin)
+        if begun is None or begin - begun[0] < _REACHED_S * self.fps or not requests.stays(condition):
+            return False
+        past = self._frames(max(begin - round(_WALKING_S * self.fps), self._first), begin).root_position[:, :2]
+        return float(np.hypot(*(past[-1] - past[0]))) > _WALKING * (len(past) - 1) / self.fps
 
     def _stand_until(self, before: int) -> None:
         """Replace the motion by standing until frame `before`, at the last position sampled before it."""

@@ -23,6 +23,9 @@ POSE, HELD_NOISE = "raise your hand", 0.3
 BRIEF = "hands up"
 """Words of a pose that people leave at once; the stub's arms do not move."""
 
+GESTURES = {"bow": True, "wave": False}
+"""Words for what is done on the spot, and whether a walking human walks on with them."""
+
 SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}
 """Forward [m/s] and turning [rad/s]."""
 
@@ -67,6 +70,9 @@ class StubSampler:
             speed, turning = condition.velocity[0], condition.velocity[2]
         else:
             speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
+        if GESTURES.get(condition.text or "", False) and len(history) > 1:
+            last = history.root_position[-2:, :2]
+            speed = float(np.linalg.norm(last[1] - last[0])) * self.fps
         t = np.arange(1, self.future + 1) / self.fps
         yaw = continuous_heading(history.root_quaternion)[-1] + turning * t
         step = speed / self.fps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
@@ -77,6 +83,9 @@ class StubSampler:
             return condition.velocity
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
+
+    def stays(self, condition: Condition) -> bool:
+        return condition.text in GESTURES
 
     def held(self, condition: Condition) -> Condition:
         return replace(condition, noise=HELD_NOISE) if condition.text == POSE else condition

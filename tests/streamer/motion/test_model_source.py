@@ -147,6 +147,20 @@ def test_a_window_is_sampled_when_it_is_needed(unsettled: int) -> None:
     np.testing.assert_array_equal(pose(motion), pose(other))
 
 
+@pytest.mark.parametrize("gesture", ["bow", "wave"])
+def test_who_walks_on_through_a_gesture_stands_first(gesture: str) -> None:
+    # "Walk forward", then "bow": the human walked on for good and never bowed, as people of the data walk before it.
+    stub = StubSampler()
+    it = source(Item(0.0, WALK), Item(2.0, Text(gesture)), sampler=stub)
+    motion = it.window(0, 240)
+    assert motion is not None
+    way = np.linalg.norm(np.diff(motion.root_position[::30, :2], axis=0), axis=1)
+    assert way[0] == pytest.approx(1.0, abs=0.05) and way[-1] == pytest.approx(0.0, abs=0.01)
+    asked = [each.condition.text for each in stub.asked if each.begin.root_position[-1, 0] > 1.5]
+    assert asked[0] == gesture and asked[-1] == gesture
+    assert (None in asked) is (gesture == "bow")
+
+
 def test_before_the_first_item_it_stands() -> None:
     sampler = StubSampler()
     assert source(Item(1.0, WALK), sampler=sampler).window(0, 32) is not None
