@@ -30,7 +30,7 @@ from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
-from flexmotion.biomechanics.sole import NEARNESS, REACH
+from flexmotion.biomechanics.sole import REACH
 from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
@@ -118,7 +118,7 @@ def delivered(
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
-    usable = _usable(contacts, soles, REACH, window.fps)[made]
+    usable = _usable(contacts, soles, REACH)[made]
     mass, weight = window.body.mass, window.body.mass * GRAVITY
     assert predicted.wrenches is not None and predicted.pressure_centres is not None
     ground = ground_share(
@@ -164,7 +164,7 @@ def _balanced(
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
     needs = _needs(segments, whole.body, whole, planned)
     shift = np.zeros((len(whole), 3))
-    usable = _usable(contacts, soles, STANDING, whole.fps)
+    usable = _usable(contacts, soles, STANDING)
     shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
     lifted = needs.shifted(shift)
     if resting is not None:
@@ -201,15 +201,10 @@ def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -
     )
 
 
-def _usable(contacts: Flags, soles: Soles, reach: float, fps: float) -> Flags:
-    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12).
-
-    A point that rests on the floor may bear whatever the contact says: a body that stands on both feet and is said to
-    stand on one would fall away from it.
-    """
+def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
+    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12)."""
     low = soles.height < reach
-    rests = (soles.height < NEARNESS.height) & (soles.speed(fps) < NEARNESS.speed)
-    stands = low & (contacts[..., None] | rests)
+    stands = low & contacts[..., None]
     found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
     return found
 

@@ -129,6 +129,9 @@ class Draft:
     ) -> Delivered:
         """See `delivered`; feet that rest stay where they are."""
         resting = self._resting(motion)
+        if resting is not None and motion.contacts is not None:
+            # A body that stood on both feet and was said to stand on one would fall away from it.
+            motion = replace(motion, contacts=motion.contacts | resting.stands)
         stays, kept = None, constraints if closes else None
         if constraints is not None:
             reaching = closed(motion, self.anchor, constraints, (LEG,))

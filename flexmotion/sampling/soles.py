@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.biomechanics.sole import sole_grid
 from flexmotion.human.body import Body
@@ -76,12 +75,6 @@ class Soles:
             points=self.points + away[:, :, None],
             height=self.height + shift[:, None, None, 2],
         )
-
-    def speed(self, fps: float) -> Float:
-        """Horizontal speed of the points, (T, 2, 12) [m/s]."""
-        change = derivative(self.points, fps)
-        found: Float = np.hypot(change[..., 0], change[..., 1])
-        return found
 
     def bounds(self, usable: Flags) -> Float:
         """Greatest distance of a usable point along every direction of `OUTWARD`, (T, 32) [m].
