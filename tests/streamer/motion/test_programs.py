@@ -82,6 +82,30 @@ def test_an_answer_says_how_surely_and_what_is_done_when_and_how_long(hearing: H
     assert turn.limit_s is not None and wave.limit_s is not None and turn.limit_s > 10.0
 
 
+@pytest.mark.parametrize(
+    ("typed", "kind", "note"),
+    [
+        ("point to the lfet", "point-left", "'lfet' is read as 'left'"),
+        ("wave with the lft hand", "wave-left-hand", "'lft' is read as 'left'"),
+        ("look dwon", "look-down", "'dwon' is read as 'down'"),
+        ("walk bakc", "walk-back", "'bakc' is read as 'back'"),
+        ("step to the rihgt", "walk-right", "'rihgt' is read as 'right'"),
+    ],
+)
+def test_a_mistyped_direction_is_done_as_it_is_meant_and_said(
+    hearing: Hearing, typed: str, kind: str, note: str
+) -> None:
+    """Went wrong: "point to the lfet" pointed ahead, "walk bakc" walked ahead, and both were PASS."""
+    program = hear(hearing, typed)
+    assert moves(program) == [kind] and program.heard.notes[:1] == (note,) and program.heard.asked == typed
+    assert note in str(remark_on(hearing.model, Text(typed), program))
+
+
+def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
+    for say in ("point to the loft", "lift the box", "walk lift", "turn on the light", "walk into town"):
+        assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
+
+
 def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
     """What follows a step that cannot be done would be done in another place than it was meant for."""
     program = hear(hearing, "wave, then jump over the gap, then walk two metres")
