@@ -170,8 +170,10 @@ def is_unlike(text: str, kind: str) -> bool:
 
 
 def moves_feet(text: str) -> bool:
-    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet"."""
+    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet", "no stepping"."""
     words = text.split()
+    if [stem(word) for word in words] in (["step"], ["steps"]):
+        return True  # a turn on the spot is made of steps as well
     return words[:1] == ["move"] and bool(vocabulary().words("feet_words") & set(words[1:]))
 
 

@@ -205,6 +205,10 @@ class Hearing:
                 if any(_same_manner(prompt, self.model.prompt(one.text)) for one in wanted if one.text):
                     raise RefusedError(f"{clause.said!r}: that manner is asked for and forbidden in one sentence")
                 continue  # "walk without limping" forbids a manner
+            if prompt is not None and prompt.refused is not None:
+                continue  # "walk, don't clap": the model cannot clap
+            if prompt is not None and not prompt.known and moving:
+                raise RefusedError(f"{clause.said!r} is not understood, and the robot cannot promise it; leave it out")
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
             forbidden.append(prompt.kind)
