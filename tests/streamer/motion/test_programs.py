@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,13 @@ def test_a_mistyped_direction_is_done_as_it_is_meant_and_said(
 def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
     for say in ("point to the loft", "lift the box", "walk lift", "turn on the light", "walk into town"):
         assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
+
+
+def test_what_no_robot_does_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
+    """Went wrong: "fly to the moon" was refused by name, and nothing was named that works."""
+    reason = str(hear(hearing, "fly to the moon").heard.reason)
+    tries = re.findall(r"'([^']+)'", reason.partition("say for example")[2])
+    assert len(tries) == 3 and all(moves(hear(hearing, text)) for text in tries)
 
 
 def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
