@@ -150,7 +150,7 @@ def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> No
         # It said "hand.position_m.0: 5.0, expected -2 to 2 (and 2 more)".
         (
             '{"type":"hand","side":"left","position_m":[5,5,5]}',
-            "hand.position_m.x: 5.0, expected -2 to 2 (and 2 more: position_m.y, position_m.z)",
+            "hand.position_m.x: 5, expected -2 to 2 (and 2 more: position_m.y, position_m.z)",
         ),
         ('{"type":"kill"}', "kill.confirm: missing, expected 'the robot will fall'"),
         ('{"type":"text","text":""}', "text.text: empty, expected at least one character"),
