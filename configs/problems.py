@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -16,6 +17,9 @@ BaseModelType = type[BaseModel] | None
 _OUT_OF_RANGE = ("greater_than_equal", "less_than_equal", "greater_than", "less_than")
 _LONGEST_SHOWN = 64
 """Characters of a text that does not match its pattern that are shown: what is expected must fit into the line."""
+
+_OTHERS_NAMED = 3
+"""Fields with further problems that are named."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +44,21 @@ def one_line(error: ValidationError, model: type[BaseModel] | None, skip: int = 
     # Unknown fields first: a misspelt name is often the reason for a missing field.
     first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     place = first["loc"][skip:]
-    field = ".".join(map(str, place))
+    field = _named(place)
     message = _told(first["type"], first.get("input"), first["msg"], *_expected(model, place))
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    others = [_named(problem["loc"][skip:]) for problem in problems if problem is not first]
+    named = ", ".join(dict.fromkeys(filter(None, others[:_OTHERS_NAMED])))
+    more = f" (and {len(others)} more{': ' if named else ''}{named})" if others else ""
     return field, message + more
+
+
+def _named(place: Sequence[str | int]) -> str:
+    """A place as text; of the numbers of a position their axes: "hand.position_m.x"."""
+    axes = {(before, number) for before, number in pairwise(place) if before == "position_m" and number in (0, 1, 2)}
+    return ".".join(
+        "xyz"[int(part)] if number and (place[number - 1], part) in axes else str(part)
+        for number, part in enumerate(place)
+    )
 
 
 def _told(kind: str, found: Any, message: str, known: BaseModelType, annotation: Any, limits: Sequence[Any]) -> str:

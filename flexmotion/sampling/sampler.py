@@ -281,6 +281,10 @@ class Sampler:
         """See `Requests.prompt`."""
         return self.requests.prompt(text)
 
+    def is_word(self, word: str) -> bool:
+        """See `flexmotion.text.prompt_reader.PromptReader.is_word`."""
+        return self.requests.reader.is_word(word)
+
     @property
     def _source(self) -> str:
         return f"model:{self.name}"

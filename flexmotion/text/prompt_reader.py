@@ -171,6 +171,10 @@ class PromptReader:
         """How a sentence asks for its motion, whether the model offers that or not."""
         return self._manner(sentence)
 
+    def is_word(self, word: str) -> bool:
+        """Whether a word in lower case is one of the encoder's vocabulary as a whole."""
+        return self._encode.pieces.is_word(word)
+
     def _respelled(self, sentence: str) -> str | None:
         """What a sentence with misspelt words may mean, to be suggested; never done by itself."""
         meant = respelled(sentence)

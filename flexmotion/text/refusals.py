@@ -29,13 +29,13 @@ def refusal_of(words: list[str]) -> str | None:
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
-            return f"no model and no robot of this project does {phrase!r}"
+            return _not_done(phrase)
     if limits := [word for word in words if word in known.words("restricting")]:
         return f"{limits[0]!r}: a restriction of the robot; say it in a sentence of its own"
     if " take off " in text and not any(f" take off {word} " in text for word in known.words("harmed") | {"your"}):
-        return "no model and no robot of this project does 'take off'"
+        return _not_done("take off")
     if words and stem(words[0]) in known.words("flight") and not known.words("limbs") & set(words):
-        return f"no model and no robot of this project does {words[0]!r}"
+        return _not_done(words[0])
     if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if target := _unknown_target(words, text):
@@ -50,6 +50,11 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
     rest = [word for word in without_posture([*words])[0] if isinstance(word, str)]
     return _walking_refusal(rest, f" {' '.join(rest)} ")
+
+
+def _not_done(what: str) -> str:
+    tries = "say for example 'walk forward', 'look up' or 'shrug' (flexmotion bundles lists all)"
+    return f"no model and no robot of this project does {what!r}; {tries}"
 
 
 def _places_foot(words: list[str]) -> bool:
@@ -170,8 +175,10 @@ def is_unlike(text: str, kind: str) -> bool:
 
 
 def moves_feet(text: str) -> bool:
-    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet"."""
+    """Whether the words of a prohibition mean any motion of the feet: "don't move your feet", "no stepping"."""
     words = text.split()
+    if [stem(word) for word in words] in (["step"], ["steps"]):
+        return True  # a turn on the spot is made of steps as well
     return words[:1] == ["move"] and bool(vocabulary().words("feet_words") & set(words[1:]))
 
 

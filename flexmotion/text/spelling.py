@@ -1,9 +1,14 @@
-"""`respelled`: a sentence with its unknown words replaced by the known ones nearest by letters, to be suggested."""
+"""Misspelt words replaced by known ones: `respelled`, to be suggested, and `directions_respelled`, to be done.
+
+A direction that is mistyped is done as it is meant, and a note says so: a listener hears the rest of the sentence
+alone, and "point to the lfet" is "point" to it. No other word is replaced in what is done.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Callable
 from functools import lru_cache
 
 from flexmotion.text.phrases import kinds, wordings
@@ -14,6 +19,8 @@ LEAST_LIKENESS = 0.7
 """Least share of letters in common (`difflib`); "wlak" and "walk": 0.75."""
 _SHORTEST = 4
 """Letters of a word that is respelled: shorter ones are near too many."""
+_SHORTEST_DIRECTION = 3
+"""Letters of a word that is read as a direction: "lft"."""
 _FOREIGN_SHARE = 0.5
 """Share of unknown words from which on a sentence is taken for one of another language."""
 
@@ -31,6 +38,41 @@ def respelled(sentence: str) -> str | None:
         swapped = [one for one in found if sorted(one) == sorted(word)]  # "lfet" is "left" rather than "let"
         sentence = re.sub(rf"(?<![^\W\d_]){re.escape(word)}(?![^\W\d_])", (swapped or found)[0], sentence.lower())
     return sentence
+
+
+def directions_respelled(sentence: str, is_word: Callable[[str], bool]) -> tuple[str, tuple[str, ...]]:
+    """The sentence with its mistyped directions as they are meant, and a note of each.
+
+    A word is a mistyped direction where one letter is wrong, missing or too many, or two neighbours are swapped.
+
+    Args:
+        is_word: whether a word in lower case is one of the language: "loft" is none that is mistyped.
+    """
+    notes = []
+    for word in dict.fromkeys(unknown_words(sentence)):
+        meant = _direction_meant(word)
+        if meant is None or is_word(word):
+            continue
+        sentence = re.sub(rf"(?<![^\W\d_]){word}(?![^\W\d_])", meant, sentence, flags=re.IGNORECASE)
+        notes.append(f"{word!r} is read as {meant!r}")
+    return sentence, tuple(notes)
+
+
+def _direction_meant(word: str) -> str | None:
+    """The direction that a mistyped word may mean, of several the one nearest by length; None where it means none."""
+    directions = [one for one in sorted(vocabulary().words("typed_directions")) if _is_mistyped(word, one)]
+    return min(directions, key=lambda one: abs(len(one) - len(word)), default=None)
+
+
+def _is_mistyped(word: str, meant: str) -> bool:
+    """Whether one letter differs, or two neighbours are swapped; the first letter differs by a swap alone."""
+    if word == meant or abs(len(word) - len(meant)) > 1 or len(word) < _SHORTEST_DIRECTION:
+        return False
+    same = next((place for place, (a, b) in enumerate(zip(word, meant, strict=False)) if a != b), len(meant))
+    left, right = word[same:], meant[same:]
+    if left[:2] == right[1::-1] and left[2:] == right[2:] and len(left) > 1:
+        return True
+    return same > 0 and (left[1:] == right[1:] or left[1:] == right or left == right[1:])
 
 
 def is_foreign(sentence: str) -> bool:

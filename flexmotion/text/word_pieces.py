@@ -32,6 +32,10 @@ class WordPieces:
             pieces += self._word(word)
         return pieces[:LONGEST]
 
+    def is_word(self, word: str) -> bool:
+        """Whether a word in lower case is a piece as a whole."""
+        return word in self._number
+
     def _word(self, word: str) -> list[int]:
         found, start = [], 0
         while start < len(word):

@@ -171,14 +171,14 @@ def _result(
     failures = ["interrupted"] if switcher.interrupted else []
     answered, sent = int(np.isfinite(record.target_to_command_s).sum()), switcher.sent
     if answered < sent - 1:  # the end may overtake the last one
-        failures.append(f"{sent - answered} of {sent} switches were not followed")
+        failures.append(f"{sent - answered} of {sent} targets were not followed")
     faults = tuple(_fault_text(event, record, pace) for event in record.events if event.kind == "fault")
     for what, count, allowed in (
         ("under-runs", record.underruns, budgets.underruns),
         ("goals outside the envelope", record.violations_sent, 0),
     ):
         if count > allowed:
-            failures.append(f"{what}: {count}, budget {allowed}")
+            failures.append(f"{what}: {count}, {allowed} allowed")
     if session.scheduling != "fifo":
         failures.append("no realtime scheduling (SCHED_FIFO): figures do not count")
     failures += [f"fault: {fault}" for fault in faults]
@@ -223,7 +223,7 @@ def _lateness(robot: Latency | None, missed: int, budgets: Budgets, rate_hz: flo
         told = f"the simulated robot was {robot.p99_9:.3g} ms late (99.9 %), more than a tick"
         found.append(f"{told}: figures do not count")
     if missed > budgets.missed_deadlines:
-        found.append(f"missed deadlines: {missed}, budget {budgets.missed_deadlines}")
+        found.append(f"missed deadlines: {missed}, {budgets.missed_deadlines} allowed")
     return found
 
 

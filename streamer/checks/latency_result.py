@@ -135,12 +135,17 @@ class Bound:
     ms: float
     of: Literal["all", "kept", "both"] = "both"
 
+    @property
+    def name(self) -> str:
+        """Of the percentile, in words."""
+        return "median" if self.percentile == "p50" else f"{self.percentile[1:]} %"
+
     def exceeded(self, time: Latency | None) -> str | None:
         """Message if a time exceeds it, or if none was measured; None: it is kept."""
         if time is None:
             return "nothing was measured"
         found: float = getattr(time, self.percentile)
-        return f"{self.percentile} {found:.3g} ms, budget {self.ms:g} ms" if found > self.ms else None
+        return f"{self.name} {found:.3g} ms, {self.ms:g} ms allowed" if found > self.ms else None
 
 
 @dataclass(frozen=True)

@@ -9,36 +9,55 @@ from rich.text import Text
 from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 
 _BAR = 40
-_OF = {"all": " of all", "kept": " kept", "both": ""}
+_OF = {"all": "", "kept": " in pace", "both": ""}
+_STAGES = {
+    "loop work": "computing one tick of the control loop",
+    "wake lateness": "how late the system wakes the loop for a tick",
+    "robot lateness": "how late the simulated robot is, as part of the load",
+    "sample": "sampling motion from the model",
+    "retarget": "planning that motion for the robot",
+    "plan joins after": "from asking for a plan to the tick that takes it",
+    "target to command": "from the arrival of a target to the first command that follows it",
+    "target to effect": "the same, to the first command that clearly differs from the plan before",
+}
+_HELP = (
+    "What usually helps: end other programs (planner and loop need a processor each), grant realtime scheduling, and "
+    "keep the processors at full speed and awake. `flexmotion doctor` says what this machine lacks, and the commands "
+    "for it. A virtual machine or a shared one stands still at times: measure again, or on the robot's own computer"
+)
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def render_latency(result: LatencyResult) -> RenderableType:
-    """Verdict, stages against their budgets, histogram of lateness."""
-    return Group(_verdict(result), Text(), _stages(result), Text(), _histogram(result), _counts(result))
+    """Verdict and what usually helps, stages against what is allowed, what they are, histogram of lateness."""
+    helps = () if result.ok else (Text(_HELP),)
+    parts = (_stages(result), _meanings(result), Text(), _histogram(result), _counts(result))
+    return Group(_verdict(result), *helps, Text(), *parts)
 
 
 def _verdict(result: LatencyResult) -> Text:
-    """Two lines: the verdict while the machine kept its pace, and the one of all moments."""
+    """The verdict; below it of which moments it is, and what was exceeded in the others."""
     style = {"PASS": "bold green", "FAIL": "bold red", "UNFIT": "bold yellow"}
-    length = f" {result.seconds:.1f} s at {result.rate_hz:g} Hz, {result.switches} switches"
-    everything = "; ".join(result.failures) or "every budget kept"
-    if result.standstills is None:
-        return Text.assemble((result.verdict, style[result.verdict]), f"{length}: {everything}")
-    kept = result.unfit or "; ".join(result.failures_kept) or "every budget kept"
-    return Text.assemble(
-        (result.verdict, style[result.verdict]),
-        f"{length}, while the machine kept its pace ({100 * (1 - result.left_out):.1f} % of the ticks): {kept}\n",
-        (result.verdict_all, style[result.verdict_all]),
-        f" all of it: {everything}",
-    )
+    length = f" {result.seconds:.1f} s at {result.rate_hz:g} Hz, {result.switches} targets"
+    found = result.unfit or "; ".join(result.failures_kept) or "nothing took longer than is allowed"
+    judged = ""
+    if result.standstills is not None:
+        share = f"{100 * (1 - result.left_out):.1f} % of the ticks"
+        judged = f"\njudged: the times in which the machine itself kept its pace ({share})"
+        others = [failure for failure in result.failures if failure not in result.failures_kept]
+        judged += f"; in the others as well, not judged: {'; '.join(others)}" if others else ""
+    return Text.assemble((result.verdict, style[result.verdict]), f"{length}: {found}{judged}")
 
 
 def _stages(result: LatencyResult) -> Table:
-    kept = () if result.standstills is None else ("p50 kept", "p99 kept", "max kept")
-    table = Table("Stage", "p50", "p95", "p99", "max", "budget", *kept, title="Times [ms]", title_justify="left")
+    title, kept = "Times [ms]", tuple[str, ...]()
+    if result.standstills is not None:
+        title += '; "in pace": of the times in which the machine itself kept its pace'
+        kept = ("median in pace", "99 % in pace", "longest in pace")
+    names = ("Stage", "median", "95 %", "99 %", "longest", "allowed")
+    table = Table(*names, *kept, title=title, title_justify="left")
     for name, stage in result.stages.items():
-        budget = ", ".join(f"{one.percentile} {one.ms:g}{_OF[one.of]}" for one in stage.bounds)
+        budget = ", ".join(f"{one.name} {one.ms:g}{_OF[one.of]}" for one in stage.bounds)
         if stage.time is None:
             table.add_row(name, "-", "-", "-", "-", budget)
             continue
@@ -47,6 +66,14 @@ def _stages(result: LatencyResult) -> Table:
         rest = [] if stage.kept is None else [f"{ms:.3g}" for ms in (stage.kept.p50, stage.kept.p99, stage.kept.max)]
         judged = stage.failures if result.standstills is None else stage.failures_kept
         table.add_row(name, *figures, budget, *rest, style="red" if judged else None)
+    return table
+
+
+def _meanings(result: LatencyResult) -> Table:
+    """What each stage is."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name in result.stages:
+        table.add_row(name, _STAGES[name])
     return table
 
 
@@ -73,8 +100,9 @@ def _counts(result: LatencyResult) -> Text:
         memory = f"; loop memory {result.memory_mb[0]:.1f} -> {result.memory_mb[1]:.1f} MB"
     processors = "kept awake" if result.awake else "may sleep"
     return Text(
-        f"{result.scheduling} scheduling, processors {processors}, {result.load} hogs; {result.cycles} ticks, "
-        f"{result.missed_deadlines} missed; {result.answered} of {result.switches} switches followed, "
+        f"{result.scheduling} scheduling, processors {processors}, {result.load} busy processes beside it; "
+        f"{result.cycles} ticks, "
+        f"{result.missed_deadlines} missed; {result.answered} of {result.switches} targets followed, "
         f"{result.late_plans} plans late, {result.taken_late} taken a tick late, {result.underruns} under-runs; "
         f"{result.violations_sent} goals outside the envelope{memory}{_standstills(result)}"
     )

@@ -125,8 +125,11 @@ def _follows(following: Mapping[str, Any] | None, state: str | None) -> str:
     asked = "; ".join(_said(name, value) for name, value in following["asked"].items())
     heard = "" if following["heard_as"] in (None, *following["asked"]) else f", heard as {following['heard_as']}"
     slowed = "" if following["slowed"] is None else f", slowed to {following['slowed']}"
-    end = "" if following["end"] is None else f"; ended: {following['end']}"
-    return f"{asked}{heard}{slowed}, of {following['source']}{end}"
+    whole = f"{asked}{heard}{slowed}, of {following['source']}"
+    if following["end"] is None:
+        return whole
+    now = f"nothing: {_IDLE[state]}" if state in _IDLE else "nothing"
+    return f"{now}; over ({following['end']}): {whole}"
 
 
 def _held(holding: Sequence[Mapping[str, Any]]) -> dict[str, str]:

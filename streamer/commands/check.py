@@ -131,6 +131,8 @@ def latency(
     chosen = load_robot(robot)
     stream_settings = load_stream(options.settings)
     source, intents = choose_switched(chosen, clip or (), bundle, mapping, seed)
+    length = f"{seconds:g} s" if switches is None else f"{switches} targets"
+    print_note(f"measures for {length}; the robot stands up before and parks after it, which takes some seconds more")
     with operator_signals() as signals, progress_bar(f"{chosen.name} answers") as progress:
         result = measure(
             chosen,

@@ -31,6 +31,7 @@ from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
 from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
+from flexmotion.text.spelling import directions_respelled
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
@@ -68,8 +69,13 @@ class Hearing:
         match intent:
             case Text(text) if is_alarm(text):
                 return self._alarmed(text)
+            case Text(text) if (restricts := restriction_refusal(text)) is not None:
+                return self._refused(text, restricts, ())
             case Text(text):
-                return self._sentence(text, under_way, last)
+                meant, notes = directions_respelled(text, self.model.is_word)
+                program = self._sentence(meant, under_way, last)
+                heard = program.heard.model_copy(update={"asked": text, "notes": (*notes, *program.heard.notes)})
+                return replace(program, heard=heard) if notes else program
             case Velocity(forward, left, turning):
                 asked = words_of(intent)
                 slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace), kept=live)
@@ -91,8 +97,6 @@ class Hearing:
         return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text=words, heard_as=STAND)),), heard)
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
-        if (restricts := restriction_refusal(sentence)) is not None:
-            return self._refused(sentence, restricts, ())
         clauses = self._requests(sentence)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
@@ -201,6 +205,10 @@ class Hearing:
                 if any(_same_manner(prompt, self.model.prompt(one.text)) for one in wanted if one.text):
                     raise RefusedError(f"{clause.said!r}: that manner is asked for and forbidden in one sentence")
                 continue  # "walk without limping" forbids a manner
+            if prompt is not None and prompt.refused is not None:
+                continue  # "walk, don't clap": the model cannot clap
+            if prompt is not None and not prompt.known and moving:
+                raise RefusedError(f"{clause.said!r} is not understood, and the robot cannot promise it; leave it out")
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
             forbidden.append(prompt.kind)

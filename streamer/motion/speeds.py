@@ -29,6 +29,10 @@ class Model(Protocol):
         """Meaning of a text."""
         ...
 
+    def is_word(self, word: str) -> bool:
+        """Whether a word in lower case is one of its language."""
+        ...
+
     def meant(self, condition: Condition) -> Condition:
         """The condition with the velocity that its words mean, within its pace."""
         ...

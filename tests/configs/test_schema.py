@@ -25,10 +25,10 @@ class Engine(Strict):
         ("name: a", "field power: missing"),
         ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),
         # Regression: it named only the field that was missing because of the misspelling.
-        ("powre: 1", "field powre: unknown field, expected one of: power, name (and 1 more)"),
+        ("powre: 1", "field powre: unknown field, expected one of: power, name (and 1 more: power)"),
         ("power: .nan", "field power: Input should be a finite number"),
         ("power: .inf", "field power: Input should be a finite number"),
-        ("{power: a, name: 3}", "(and 1 more)"),
+        ("{power: a, name: 3}", "(and 1 more: name)"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_line_with_file_and_field(tmp_path: Path, text: str, says: str) -> None:

@@ -106,6 +106,9 @@ class StubSampler:
             self.read.append(text)
         return Prompt(np.zeros(1, np.float32), text, 1.0, True)
 
+    def is_word(self, word: str) -> bool:
+        return True
+
     def _noise(self, seed: int) -> float:
         return NOISE_M * float(np.random.default_rng(seed).uniform())
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.text.spelling import respelled, unknown_words
+from flexmotion.text.spelling import directions_respelled, respelled, unknown_words
 
 
 @pytest.mark.parametrize("sentence", ["0aiQr", "2wlak", "walk2 _wlak"])
@@ -21,3 +21,27 @@ def test_a_word_beside_a_digit_is_respelled_as_any_other(sentence: str) -> None:
 def test_what_is_suggested_has_no_unknown_words(sentence: str) -> None:
     meant = respelled(sentence)
     assert meant is None or not unknown_words(meant)
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("Turn Letf, please", "Turn left, please"),  # two swapped
+        ("turn lefft", "turn left"),  # one too many
+        ("walk foward", "walk forward"),  # one missing
+        ("walk bavkwards", "walk backwards"),  # one wrong
+        ("turn hleft", "turn hleft"),  # the first letter is another
+        ("turn lfte", "turn lfte"),  # two wrong
+        ("turn loft", "turn loft"),  # a word
+        ("lt", "lt"),  # too short
+    ],
+)
+def test_a_direction_is_read_through_one_wrong_letter(typed: str, meant: str) -> None:
+    found, notes = directions_respelled(typed, lambda word: word == "loft")
+    assert found == meant and bool(notes) == (found != typed)
+
+
+@given(st.text(max_size=40))
+@settings(deadline=None)
+def test_no_text_is_changed_whose_words_are_known(text: str) -> None:
+    assert directions_respelled(text, lambda word: True) == (text, ())

@@ -76,7 +76,12 @@ def test_the_text_names_the_failures_and_shows_the_histogram(result: LatencyResu
     out = io.StringIO()
     Console(file=out, width=120).print(render_latency(replace(result, load=1)))
     text = out.getvalue()
-    assert text.startswith("FAIL") and "target to command" in text and "8000 and more" in text and "1 hogs" in text
+    assert (
+        text.startswith("FAIL")
+        and "target to command" in text
+        and "8000 and more" in text
+        and "1 busy processes" in text
+    )
 
 
 def test_time_that_a_host_took_is_said(result: LatencyResult) -> None:
@@ -145,13 +150,28 @@ def test_slowness_that_grows_with_the_run_is_the_programs() -> None:
 
 
 def test_a_run_on_a_machine_that_was_often_slow_is_unfit_and_never_passes(result: LatencyResult) -> None:
-    fit = replace(result, failures_kept=(), failures=("missed deadlines: 4, budget 0",), unfit="")
+    fit = replace(result, failures_kept=(), failures=("missed deadlines: 4, 0 allowed",), unfit="")
     assert (fit.verdict, fit.verdict_all, fit.ok) == ("PASS", "FAIL", True)
     unfit = replace(fit, unfit="the machine did not keep its pace in 14 % of the ticks, at most 10 % may be left out")
     assert (unfit.verdict, unfit.ok) == ("UNFIT", False)
     out = io.StringIO()
     Console(file=out, width=200).print(render_latency(replace(unfit, standstills=Standstills(1, 1.0, 1.0, 0, 0.0))))
-    assert out.getvalue().startswith("UNFIT") and "FAIL all of it: missed deadlines: 4" in out.getvalue()
+    assert out.getvalue().startswith("UNFIT") and "not judged: missed deadlines: 4" in out.getvalue()
+
+
+def test_there_is_one_verdict_with_plain_columns_and_what_helps(result: LatencyResult) -> None:
+    """It printed FAIL, "PASS all of it: every budget kept" under it, "p95 60 of all", and nothing to do about it."""
+    slow = replace(result, failures=(), failures_kept=("target to command: median 38 ms, 35 ms allowed",), unfit="")
+    slow = replace(slow, standstills=Standstills(1, 1.0, 1.0, 0, 0.0))
+    out = io.StringIO()
+    Console(file=out, width=200).print(render_latency(slow))
+    text = out.getvalue()
+    assert text.startswith("FAIL") and "PASS" not in text and "flexmotion doctor" in text
+    assert "median 35 in pace" in text and "p50" not in text and "of all" not in text
+    assert all(f"{name} " in text for name in slow.stages) and "from the arrival of a target" in text
+    out = io.StringIO()
+    Console(file=out, width=200).print(render_latency(replace(slow, failures_kept=())))
+    assert out.getvalue().startswith("PASS") and "What usually helps" not in out.getvalue()
 
 
 def test_budgets_of_a_stage_bound_the_moments_that_they_are_of() -> None:
@@ -162,8 +182,12 @@ def test_budgets_of_a_stage_bound_the_moments_that_they_are_of() -> None:
     kept = Stage(times(30, 55, 90), bounds, times(30, 45, 49))
     assert kept.failures == [] == kept.failures_kept
     slow = Stage(times(40, 65, 90), bounds, times(38, 45, 52))
-    assert slow.failures == ["p95 65 ms, budget 60 ms"]
-    assert slow.failures_kept == ["p95 65 ms, budget 60 ms", "p50 38 ms, budget 35 ms", "p99 52 ms, budget 50 ms"]
+    assert slow.failures == ["95 % 65 ms, 60 ms allowed"]
+    assert slow.failures_kept == [
+        "95 % 65 ms, 60 ms allowed",
+        "median 38 ms, 35 ms allowed",
+        "99 % 52 ms, 50 ms allowed",
+    ]
     assert Stage(None, (Bound("p99", 1),)).failures == ["nothing was measured"]
 
 

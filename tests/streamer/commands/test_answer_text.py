@@ -128,8 +128,16 @@ def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> Non
     assert fault["cause"] == "e-stop: frozen by an operator" and "targets" not in fault
     known = {"source": "a", "heard_as": "wave-right-hand", "slowed": None, "target": 1, "tick": 2, "end": "done"}
     ended = lines(following=Followed.model_validate(known | {"asked": {"text": "wave"}}))
-    assert ended["follows"] == '"wave", heard as wave-right-hand, of a; ended: done'
+    assert ended["follows"] == 'nothing: it stands; over (done): "wave", heard as wave-right-hand, of a'
     assert lines(loop="silent", state=None)["state"] == "the loop does not run; it was never started"
+
+
+def test_a_velocity_that_expired_is_told_as_over() -> None:
+    """In HOLD it was told as "follows velocity 0.3 0 0 ...; ended: expired"."""
+    known = {"source": "a", "heard_as": "velocity", "slowed": None, "target": 1, "tick": 2, "end": "expired"}
+    asked = {"velocity": {"forward": 0.3, "left": 0.0, "turning": 0.0}}
+    found = lines(state="HOLD", following=Followed.model_validate(known | {"asked": asked}))["follows"]
+    assert found.startswith("nothing: it stands; over (expired): velocity forward 0.3")
 
 
 def test_a_place_and_a_heading_are_told_in_metres_and_degrees() -> None:

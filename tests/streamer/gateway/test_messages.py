@@ -147,6 +147,11 @@ def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> No
         ("{}", "type: expected one of"),
         ('{"type":"stop","version":2}', "version"),
         # These were answered in pydantic's words, without the phrase, the fields, the unit.
+        # It said "hand.position_m.0: 5.0, expected -2 to 2 (and 2 more)".
+        (
+            '{"type":"hand","side":"left","position_m":[5,5,5]}',
+            "hand.position_m.x: 5, expected -2 to 2 (and 2 more: position_m.y, position_m.z)",
+        ),
         ('{"type":"kill"}', "kill.confirm: missing, expected 'the robot will fall'"),
         ('{"type":"text","text":""}', "text.text: empty, expected at least one character"),
         ('{"type":"stop","speed":2}', "speed: unknown field, expected one of: version, id"),
@@ -156,7 +161,7 @@ def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> No
         ('{"type":"velocity","velocity":[true,0,0]}', "velocity.0"),
         ('{"type":"text","text":"wave\\nbow"}', "expected a line of"),
         ('{"type":"text","text":"%s"}' % ("é" * 130), "260 bytes in UTF-8, expected at most 240"),
-        ('{"type":"waypoint","position_m":[1e9,0]}', "position_m.0: 1000000000.0, expected -1000 to 1000 m"),
+        ('{"type":"waypoint","position_m":[1e9,0]}', "position_m.x: 1000000000.0, expected -1000 to 1000 m"),
         ('{"type":"waypoint","position_m":[1,0],"tolerance_m":0.001}', "tolerance_m: 0.001, expected 0.03 to 1"),
         ('{"type":"heading","heading_rad":1,"turning_rad_s":0}', "turning_rad_s: 0, expected 0.05 to 3"),
         # Degrees by mistake: headings of 90 and of 1000 rad were accepted, a joint was refused without the unit.

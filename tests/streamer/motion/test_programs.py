@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,37 @@ def test_an_answer_says_how_surely_and_what_is_done_when_and_how_long(hearing: H
     assert heard.certainty is not None and 0.45 <= heard.certainty <= 1.0
     assert (turn.unit, wave.unit, wave.amount) == ("angle", "times", 2.0)
     assert turn.limit_s is not None and wave.limit_s is not None and turn.limit_s > 10.0
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind", "note"),
+    [
+        ("point to the lfet", "point-left", "'lfet' is read as 'left'"),
+        ("wave with the lft hand", "wave-left-hand", "'lft' is read as 'left'"),
+        ("look dwon", "look-down", "'dwon' is read as 'down'"),
+        ("walk bakc", "walk-back", "'bakc' is read as 'back'"),
+        ("step to the rihgt", "walk-right", "'rihgt' is read as 'right'"),
+    ],
+)
+def test_a_mistyped_direction_is_done_as_it_is_meant_and_said(
+    hearing: Hearing, typed: str, kind: str, note: str
+) -> None:
+    """Went wrong: "point to the lfet" pointed ahead, "walk bakc" walked ahead, and both were PASS."""
+    program = hear(hearing, typed)
+    assert moves(program) == [kind] and program.heard.notes[:1] == (note,) and program.heard.asked == typed
+    assert note in str(remark_on(hearing.model, Text(typed), program))
+
+
+def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
+    for say in ("point to the loft", "lift the box", "walk lift", "turn on the light", "walk into town"):
+        assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
+
+
+def test_what_no_robot_does_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
+    """Went wrong: "fly to the moon" was refused by name, and nothing was named that works."""
+    reason = str(hear(hearing, "fly to the moon").heard.reason)
+    tries = re.findall(r"'([^']+)'", reason.partition("say for example")[2])
+    assert len(tries) == 3 and all(moves(hear(hearing, text)) for text in tries)
 
 
 def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
