@@ -16,7 +16,7 @@ from pydantic import Field
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_totals import Times, TorqueSource
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, not_done
 from flexmotion.streamer.planning.ease_notes import EASED, REFUSED
 from flexmotion.streamer.report.figure import Figure, Maybe, Section
 from flexmotion.streamer.report.human_sections import LikenessSection, TorqueProfileSection
@@ -26,6 +26,9 @@ from flexmotion.streamer.report.torque_profile import TorqueProfile
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
+
+_LAST_FRAME_S = 0.1
+"""The last frame that is played is at most this long before the end of a script [s]."""
 
 
 class Latency(Section):
@@ -236,6 +239,20 @@ def _dropped(record: RunTrace) -> int | None:
     return max(record.human_steps - (record.steps_planned - record.steps_inserted), 0)
 
 
+def _reached(record: RunTrace, answers: tuple[Heard, ...]) -> tuple[Heard, ...]:
+    """The answers; those to items of a script whose time never came say so."""
+    until_s = float(np.nanmax(record.source_s, initial=-np.inf))
+    return tuple(
+        heard.model_copy(update={"reached": False})
+        if heard.item is not None
+        and heard.state != "refused"
+        and (heard.at_s or 0.0) > until_s + _LAST_FRAME_S
+        and all(step.end is None for step in heard.steps)
+        else heard
+        for heard in answers
+    )
+
+
 def build_report(
     record: RunTrace,
     info: RunInfo,
@@ -272,6 +289,7 @@ def build_report(
         motion["time_to_fall_s"] = figures.time_to_fall_s + record.period_s[0]
     if record.totals.fall_tick is not None:
         motion |= {"fell": True, "time_to_fall_s": record.totals.fall_tick / record.rate_hz}
+    targets = _reached(record, info.targets)
     faults = [event.message for event in record.events if event.kind == "fault"]
     return Report(
         ok=(
@@ -282,9 +300,7 @@ def build_report(
             and record.underruns <= info.underruns_allowed
             and (record.totals.streamed or bool((states == State.STREAMING).any()))
             and states[-1] in (State.HOLD, State.OFF)
-            and (
-                info.allow_refused or not (planner.refusals or any(heard.failure is not None for heard in info.targets))
-            )
+            and (info.allow_refused or not (planner.refusals or not_done(targets)))
             and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
@@ -330,6 +346,6 @@ def build_report(
             faults=faults,
             hardware_failed=record.hardware_failed,
         ),
-        targets=info.targets,
+        targets=targets,
         log=info.log,
     )

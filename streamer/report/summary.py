@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from flexmotion.streamer.motion.heard import not_done
 from flexmotion.streamer.report.report import DisplacementSection, Latency, Report
 
 WORST_JOINTS = 5
@@ -51,9 +52,11 @@ def failures(report: Report) -> list[str]:
 
 def _not_done(report: Report) -> list[str]:
     """What was asked and not done, and plans that were refused: one thing in words, several by number."""
-    found = [(heard, heard.failure) for heard in report.targets if heard.failure is not None]
+    found = not_done(report.targets)
     plans = report.planner.refusals
     reasons = list(plans) if len(plans) < 2 else [f"{len(plans)} plans refused: {plans[0]}"]
+    if any(heard.failure is None for heard, _ in found) and not report.safety.faults:
+        reasons.append("--seconds ended the run first")
     if len(found) == 1:
         return [short(found[0][1]), *reasons]
     refused = sum(heard.state == "refused" for heard, _ in found)
@@ -215,7 +218,8 @@ def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
             *done,
         ]
         notes += [f"not done: {', '.join(heard.dropped)}"] if heard.dropped else []
-        rows.append((heard.asked, heard.state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
+        state = heard.state if heard.reached else "not reached"
+        rows.append((heard.asked, state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
     return rows
 
 
@@ -225,7 +229,8 @@ def _asked(report: Report) -> list[RenderableType]:
     drawn = table("Asked", "", "", "", "")
     rows = asked_rows(report)
     # What was not done is shown first of all, in the order in which it was asked.
-    failed = [place for place, heard in enumerate(report.targets) if heard.failure is not None]
+    missed = [heard for heard, _ in not_done(report.targets)]
+    failed = [place for place, heard in enumerate(report.targets) if heard in missed]
     others = [place for place in range(len(rows)) if place not in failed]
     for asked, state, heard, notes in (rows[place] for place in sorted([*failed, *others][:ASKED_SHOWN])):
         drawn.add_row(*(Text(part) for part in (asked, state, heard)), Text(notes, style="dim"))
