@@ -100,7 +100,8 @@ class HeardStep(BaseModel):
         measured = amount_text(self.measured, self.unit)
         if self.unit in ("steps", "times") and self.measured > self.amount:
             return f"{measured}, {self.amount:.3g} asked for"
-        return f"{measured} of {amount_text(self.amount, self.unit)}"
+        together = ", then feet together" if self.unit == "steps" and self.end == "done" else ""
+        return f"{measured} of {amount_text(self.amount, self.unit)}{together}"
 
 
 class Heard(BaseModel):

@@ -185,7 +185,7 @@ class StepRunner:
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
         step = program.steps[min(self._index, len(program.steps) - 1)]
-        self._at.measure(step, row, self._place)
+        self._at.measure(step, row, self._place, resting=self.resting)
         if self.wanted is None:
             self._advance(self._at, step, row)
             if self._is_done(program):

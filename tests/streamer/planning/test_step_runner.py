@@ -198,6 +198,28 @@ def test_footsteps_count_where_they_carry_a_foot_in_the_walks_direction() -> Non
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
 
 
+@pytest.mark.parametrize(
+    ("closes_m", "told"), [(0.08, "2 steps of 2 steps, then feet together"), (0.16, "3 steps, 2 asked for")]
+)
+def test_the_step_that_brings_the_feet_together_is_none_of_those_that_were_asked_for(
+    closes_m: float, told: str
+) -> None:
+    """The answer to "two steps back" was "3 steps, 2 asked for": the last one only closed the stance.
+
+    One that was settled already and passes the other foot counts.
+    """
+    robot = Robot((0, program(STEPS)))
+    for side, carried in ((0, 0.04), (1, 0.08), (0, closes_m - 0.04)):
+        robot.row.contact_ref[side] = False
+        robot.run(0.02)
+        robot.row.foot_ref[side, 0] -= carried
+        robot.run(0.02)
+        robot.row.contact_ref[side] = True
+        robot.run(0.02)
+    robot.run(2.0)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].done == told
+
+
 def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> None:
     robot = Robot((0, program(WAVE)))
     robot.run(0.1)
