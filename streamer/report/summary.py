@@ -132,8 +132,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     """Name, value with unit, and meaning of every known motion figure."""
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
-    human = "" if m.human_steps is None else f" the human made {m.human_steps}, {m.steps_dropped} dropped,"
-    steps = f"planned;{human} {m.steps_inserted} inserted"
+    steps = steps_words(m.steps_planned, m.steps_inserted, m.human_steps, m.steps_dropped or 0)
     rows = [
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),
@@ -149,6 +148,23 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("self-collisions", collisions, "separate touches of two links"),
     ]
     return [row for row in rows if row[1] != "-"]
+
+
+def steps_words(planned: int, inserted: int, human: int | None, dropped: int) -> str:
+    """What the planned footsteps are of, so that the parts give their sum; `human`: None, not known."""
+    corrected = f"{inserted} inserted to correct the feet or bring them together"
+    if human is None:
+        return f"planned, {corrected}" if inserted else "planned"
+    followed = planned - inserted
+    dropped = max(dropped, human - followed)
+    added = followed - human + dropped
+    parts = [
+        f"the human made {human}",
+        *([f"{dropped} dropped"] if dropped else []),
+        *([f"{added} added in the robot's own cadence"] if added else []),
+        *([corrected] if inserted else []),
+    ]
+    return f"planned: {', '.join(parts)}"
 
 
 def period_note(report: Report) -> str:

@@ -15,7 +15,7 @@ from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.report.summary import asked_rows, failures, joint_rows, render, verdict
+from flexmotion.streamer.report.summary import asked_rows, failures, joint_rows, render, steps_words, verdict
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
@@ -150,3 +150,17 @@ def test_items_of_a_script_that_the_run_did_not_reach_say_so(record: RunTrace, f
     assert [row[1] for row in asked_rows(report)] == ["accepted", "accepted", "not reached"]
     assert report.ok
     assert not build_report(record, replace(INFO, targets=(items[0], items[2])), figures).ok
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [
+        ((22, 2, 16, 0), "the human made 16, 4 added in the robot's own cadence, 2 inserted"),
+        ((17, 0, 20, 3), "the human made 20, 3 dropped"),
+        ((18, 1, 20, 5), "the human made 20, 5 dropped, 2 added in the robot's own cadence, 1 inserted"),
+        ((3, 1, None, 0), "planned, 1 inserted"),
+    ],
+)
+def test_the_parts_of_the_steps_give_their_sum(counts: tuple[int, int, int | None, int], told: str) -> None:
+    """A report said "22 planned; the human made 16, 0 dropped, 2 inserted"."""
+    assert told in steps_words(*counts)
