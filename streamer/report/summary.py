@@ -15,7 +15,7 @@ from flexmotion.streamer.report.report import DisplacementSection, Latency, Repo
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
 ASKED_SHOWN = 12
-"""Answers shown in the terminal; the others are in `report.json`."""
+"""Answers shown in the terminal; all are in `report.json` and the JSON output."""
 _CUT_SHORT = ("READY", "STREAMING", "PARK")
 """Final states of a run that was ended at once: torque was cut where the robot was."""
 
@@ -96,7 +96,7 @@ def likeness_rows(report: Report) -> list[tuple[str, str, str]]:
     if found is None:
         return []
     meaning = {
-        "path": "of the human's way, scaled by leg length",
+        "path": "of the human's way, scaled by leg length: furthest from the start, while the human moves",
         "turn": f"of the human's turn of {abs(found.human_turned_deg):.0f}°",
         "bend": f"of the human's bend, {found.human_bend_deg:.0f}°",
         "flight": f"of the {found.human_flight_s:.2f} s in which no foot of the human is on the ground",
@@ -137,7 +137,11 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
-        ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        (
+            "net path",
+            show(m.net_path_ratio, "", 1.0, 2),
+            "robot over human, scaled by leg length: from start to end, once the robot stands again",
+        ),
         ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
         ("behind", show(m.behind_m, "m", 1.0, 2), "the human's place, scaled, with the source's last frame"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
@@ -251,7 +255,10 @@ def _asked(report: Report) -> list[RenderableType]:
     for asked, state, heard, notes in (rows[place] for place in sorted([*failed, *others][:ASKED_SHOWN])):
         drawn.add_row(*(Text(part) for part in (asked, state, heard)), Text(notes, style="dim"))
     more = len(report.targets) - ASKED_SHOWN
-    return [drawn, *([Text(f"and {more} more, in report.json", style="dim")] if more > 0 else [])]
+    return [
+        drawn,
+        *([Text(f"and {more} more: all of them with --report FOLDER or --json", style="dim")] if more > 0 else []),
+    ]
 
 
 def _motion(report: Report) -> list[RenderableType]:

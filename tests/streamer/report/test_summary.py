@@ -15,7 +15,15 @@ from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.report.summary import asked_rows, failures, joint_rows, render, steps_words, verdict
+from flexmotion.streamer.report.summary import (
+    asked_rows,
+    failures,
+    joint_rows,
+    motion_rows,
+    render,
+    steps_words,
+    verdict,
+)
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
@@ -164,3 +172,20 @@ def test_items_of_a_script_that_the_run_did_not_reach_say_so(record: RunTrace, f
 def test_the_parts_of_the_steps_give_their_sum(counts: tuple[int, int, int | None, int], told: str) -> None:
     """A report said "22 planned; the human made 16, 0 dropped, 2 inserted"."""
     assert told in steps_words(*counts)
+
+
+def test_answers_that_are_not_shown_are_promised_in_no_file(record: RunTrace, figures: RobotFigures) -> None:
+    """The words "and 18 more, in report.json" stood in a report without `--report`: there was no such file."""
+    asked = tuple(Heard(id=number, asked=f"wave {number}", state="accepted") for number in range(1, 31))
+    console = Console(file=io.StringIO(), width=100)
+    console.print(render(build_report(record, replace(INFO, targets=asked), figures)))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "and 18 more: all of them with --report FOLDER or --json" in text and "report.json" not in text
+
+
+def test_the_two_ratios_of_paths_say_of_which_time_they_are(
+    record: RunTrace, figures: RobotFigures, human: HumanTrack
+) -> None:
+    """The figure "path 79 %" stood above "net path 0.98", both "scaled by leg length"."""
+    meaning = {name: told for name, _, told in motion_rows(build_report(record, INFO, figures, human=human))}
+    assert meaning["net path"].endswith("from start to end, once the robot stands again")
