@@ -27,6 +27,11 @@ from flexmotion.streamer.report.torque_profile import TorqueProfile
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
 
+CutBy = Literal["interrupt", "seconds"]
+"""What ended a run before all that was asked was done: a signal, or `--seconds`."""
+
+_ENDS, _STOPS = ("END", "QUIT"), ("STOP", "ESTOP", "KILL", "DISARM")
+"""Requests that end the run, and that stop the robot."""
 _LAST_FRAME_S = 0.1
 """The last frame that is played is at most this long before the end of a script [s]."""
 
@@ -184,6 +189,7 @@ class Report(Section):
     torque_profile: TorqueProfileSection | None = None
     safety: SafetySection
     targets: tuple[Heard, ...] = ()
+    cut_by: CutBy | None = None
     log: str | None
 
     def json_text(self) -> str:
@@ -212,6 +218,7 @@ class RunInfo:
         missed_allowed, underruns_allowed: missed deadlines and underruns that are allowed.
         log: path of the log; None without one.
         targets: the answers to all that was asked.
+        ends_itself: whether the run has an end of its own; who ends it before interrupts it.
         allow_refused: the run is ok although something that was asked was refused, dropped or not finished.
         min_likeness: the run is not ok below this likeness, in [0, 1], or where it is not known; None: not judged.
     """
@@ -228,6 +235,7 @@ class RunInfo:
     underruns_allowed: int = 0
     log: str | None = None
     targets: tuple[Heard, ...] = ()
+    ends_itself: bool = False
     allow_refused: bool = False
     min_likeness: float | None = None
 
@@ -251,6 +259,17 @@ def _reached(record: RunTrace, answers: tuple[Heard, ...]) -> tuple[Heard, ...]:
         else heard
         for heard in answers
     )
+
+
+def _cut_by(record: RunTrace, info: RunInfo, faults: list[str]) -> CutBy | None:
+    """What ended the run before all that was asked was done; None: nothing, or a fault or an operator's stop."""
+    parked = np.flatnonzero(record.state == State.PARK)
+    until = int(record.tick[parked[0]]) if len(parked) else np.inf
+    asked = {event.message for event in record.events if event.kind == "request" and event.tick <= until}
+    if info.ends_itself and not asked.isdisjoint(_ENDS):
+        return "interrupt"
+    stopped = faults or not asked.isdisjoint((*_ENDS, *_STOPS))
+    return "seconds" if not stopped and any(heard.cut is not None for heard in info.targets) else None
 
 
 def build_report(
@@ -291,10 +310,12 @@ def build_report(
         motion |= {"fell": True, "time_to_fall_s": record.totals.fall_tick / record.rate_hz}
     targets = _reached(record, info.targets)
     faults = [event.message for event in record.events if event.kind == "fault"]
+    cut_by = _cut_by(record, info, faults)
     return Report(
         ok=(
             not motion["fell"]
             and not faults
+            and cut_by != "interrupt"
             and record.violations_sent == 0
             and record.missed_deadlines <= info.missed_allowed
             and record.underruns <= info.underruns_allowed
@@ -347,5 +368,6 @@ def build_report(
             hardware_failed=record.hardware_failed,
         ),
         targets=targets,
+        cut_by=cut_by,
         log=info.log,
     )

@@ -32,6 +32,8 @@ def failures(report: Report) -> list[str]:
     ]
     if report.limits.violations_sent:
         reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope left the loop")
+    if report.cut_by == "interrupt":
+        reasons.append("interrupted")
     if report.safety.final_state in _CUT_SHORT:
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     if report.planner.plans == 0:
@@ -55,7 +57,7 @@ def _not_done(report: Report) -> list[str]:
     found = not_done(report.targets)
     plans = report.planner.refusals
     reasons = list(plans) if len(plans) < 2 else [f"{len(plans)} plans refused: {plans[0]}"]
-    if any(heard.failure is None for heard, _ in found) and not report.safety.faults:
+    if any(heard.failure is None for heard, _ in found) and report.cut_by == "seconds":
         reasons.append("--seconds ended the run first")
     if len(found) == 1:
         return [short(found[0][1]), *reasons]

@@ -189,3 +189,16 @@ def test_the_two_ratios_of_paths_say_of_which_time_they_are(
     """The figure "path 79 %" stood above "net path 0.98", both "scaled by leg length"."""
     meaning = {name: told for name, _, told in motion_rows(build_report(record, INFO, figures, human=human))}
     assert meaning["net path"].endswith("from start to end, once the robot stands again")
+
+
+def test_a_run_that_was_interrupted_does_not_pass(record: RunTrace, figures: RobotFigures) -> None:
+    """After Ctrl-C a dry run of a script printed PASS. A live run has no other end."""
+    record.events.append(Event(400, "request", "END"))
+    items = (prompt(0, 0.0, WALK), prompt(1, 9.0))
+    report = build_report(record, replace(INFO, targets=items, ends_itself=True), figures)
+    assert not report.ok and failures(report)[0] == "interrupted" and "--seconds" not in verdict(report)
+    assert [row[1] for row in asked_rows(report)] == ["accepted", "not reached"]
+    assert build_report(record, replace(INFO, targets=items[1:]), figures).ok
+    record.state[300:] = State.PARK  # all was done before
+    record.state[-1] = State.OFF
+    assert build_report(record, replace(INFO, ends_itself=True), figures).ok
