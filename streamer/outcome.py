@@ -100,6 +100,7 @@ def outcome(session: Session) -> Outcome:
         missed_allowed=budgets.missed_deadlines,
         underruns_allowed=budgets.underruns,
         targets=tuple(session.heard),
+        ends_itself=session.seconds is not None and not session.stay,
         allow_refused=session.allow_refused,
         min_likeness=session.min_likeness,
         log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),

@@ -7,7 +7,7 @@ planner's process writes it to `HeardChannel`, in shared memory; any process rea
 from __future__ import annotations
 
 import json
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -56,7 +56,7 @@ class HeardStep(BaseModel):
         slowed: speed that the motion is slowed to; None: not slowed.
         end: how it ended; None: not yet, or not measured.
         end_s: when it ended, by the robot's clock [s].
-        measured: what the robot did of it by its own odometry, in `unit`.
+        measured: what the robot did of it by its own odometry, in `unit`; None at its end: it never began.
         place: of a heading or a waypoint: where the robot stood at the end by its odometry, x, y [m], heading [rad].
     """
 
@@ -96,11 +96,12 @@ class HeardStep(BaseModel):
             degrees = np.degrees(wrapped(heading))
             return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {degrees:.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
-            return "not measured"
+            return "not measured" if self.end is None else "not begun"
         measured = amount_text(self.measured, self.unit)
         if self.unit in ("steps", "times") and self.measured > self.amount:
             return f"{measured}, {self.amount:.3g} asked for"
-        return f"{measured} of {amount_text(self.amount, self.unit)}"
+        together = ", then feet together" if self.unit == "steps" and self.end == "done" else ""
+        return f"{measured} of {amount_text(self.amount, self.unit)}{together}"
 
 
 class Heard(BaseModel):
@@ -126,6 +127,7 @@ class Heard(BaseModel):
         there: of a part, once it is there: how far it is from its place as measured, in words.
         missed: of a part that was not there in time: likewise.
         over: how what held ended; None: it holds, or never did.
+        reached: in a report, whether the run came to this item of its script.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -149,6 +151,7 @@ class Heard(BaseModel):
     there: str | None = None
     missed: str | None = None
     over: Over | None = None
+    reached: bool = True
 
     @property
     def held(self) -> bool:
@@ -165,6 +168,17 @@ class Heard(BaseModel):
             return f"{self.asked!r}: not done: {', '.join(self.dropped)}"
         late = [step.text for step in self.steps if step.end == "time limit"]
         return f"{self.asked!r}: not finished within its time: {', '.join(late)}" if late else None
+
+    @property
+    def cut(self) -> str | None:
+        """What of a script's item or a prompt the end of the run cut off, in words; None: nothing.
+
+        An operator's target is stopped on purpose.
+        """
+        if self.item is None or all(step.end != "stopped" for step in self.steps):
+            return None
+        done = ", ".join(f"{step.text}: {step.done}" for step in self.steps)
+        return f"{self.asked!r}: not done whole when the run ended ({done})"
 
     def told(self) -> str | None:
         """A line for the operator; None where all is done exactly as asked."""
@@ -297,6 +311,17 @@ def _json(heard: Heard) -> bytes:
 def heard_since(reader: Reader) -> list[Heard]:
     """The answers since the last call."""
     return [Heard.model_validate_json(HeardRow(row).content.item()) for row in reader.read()]
+
+
+def not_done(answers: Sequence[Heard]) -> list[tuple[Heard, str]]:
+    """The answers of which something is not done, each with what, in words.
+
+    A script's item that another one follows, a stop as well, ends there by the script's own words.
+    """
+    items = [heard.item for heard in answers if heard.item is not None and heard.reached]
+    last = max(items, default=None)
+    found = ((heard, heard.failure or (heard.cut if heard.item == last else None)) for heard in answers)
+    return [(heard, words) for heard, words in found if words is not None]
 
 
 def merged(answers: list[Heard]) -> list[Heard]:

@@ -48,5 +48,5 @@ def is_missing(step: Step, missing: float, size: RobotSize) -> bool:
             return abs(missing) > _TURN_TOLERANCE
         case "length":
             return missing > max(_WAY_TOLERANCE * step.amount.value, size.least_way)  # walks do not go back
-    # The other foot may close the stance.
+    # A step that was settled before the amount was reached is made.
     return not -1.5 < missing < 0.5

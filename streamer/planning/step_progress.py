@@ -72,24 +72,26 @@ class StepProgress:
         tick = int(row.tick)
         return cls(begin_tick=tick, act_tick=tick, size=size, place=place.copy(), joints=np.array(row.q, float))
 
-    def measure(self, step: Step, row: TickRow, place: Float) -> None:
-        """Add what the robot did since the last row; `place`: where it stands if it stops now (`stopping_place`)."""
+    def measure(self, step: Step, row: TickRow, place: Float, *, resting: bool) -> None:
+        """Add what the robot did since the last row.
+
+        Args:
+            place: where it stands if it stops now (`stopping_place`).
+            resting: whether it comes to its stand.
+        """
         dx, dy, turn = place - self.place
         yaw = 0.5 * (place[2] + self.place[2])
         self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy
         self.aside += math.cos(yaw) * dy - math.sin(yaw) * dx
         self.turned += turn
         self.place = place
-        self._count_footsteps(step, row)
+        self._count_footsteps(step, row, resting)
         if np.isfinite(row.q).all():
             self.deviation = float(np.abs(row.q - self.joints).max())
 
     def steps(self, step: Step) -> int:
-        """Steps of a walk; each one sideways, and a single one, is a step of one foot and one of the other."""
-        assert step.amount is not None
-        if step.axis[1]:
-            return self.footsteps // 2
-        return max(self.footsteps - 1, 0) if step.amount.value < 1.5 and step.axis[0] else self.footsteps
+        """Steps of a walk; each one sideways is a step of one foot and one of the other."""
+        return self.footsteps // 2 if step.axis[1] else self.footsteps
 
     def arms_rest(self, row: TickRow, rate_hz: float) -> bool:
         """Whether all joints are back where they were, or have not moved for a while."""
@@ -98,11 +100,12 @@ class StepProgress:
             self.rested = (tick, joints)
         return self.deviation < _HOME_RAD or (tick - self.rested[0]) / rate_hz >= STILL_S
 
-    def _count_footsteps(self, step: Step, row: TickRow) -> None:
+    def _count_footsteps(self, step: Step, row: TickRow, resting: bool) -> None:
         """Count the steps that carry a foot in the direction of the walk; those of a turn count all.
 
         Most steps of a robot that comes to a stand only correct its feet. A step counts as soon as its foot is on its
-        way: the one after it is fixed soon after.
+        way: the one after it is fixed soon after. The step with which a walk ends brings the feet together, and is none
+        of those that were asked for: while the robot comes to its stand, a step ahead or back passes the other foot.
         """
         for side in (0, 1):
             if bool(row.contact_ref[side]):
@@ -115,6 +118,9 @@ class StepProgress:
             dx, dy = foot[:2] - lifted
             cos, sin = math.cos(foot[3]), math.sin(foot[3])
             carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
+            if resting and step.axis[0]:
+                px, py = foot[:2] - np.array(row.foot_ref[1 - side], float)[:2]
+                carried = min(carried, step.axis[0] * (cos * px + sin * py))
             if not self.counts[side] and (step.axis == (0, 0) or carried > self.size.step):
                 self.footsteps, self.counts[side] = self.footsteps + 1, True
 

@@ -185,7 +185,7 @@ class StepRunner:
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
         step = program.steps[min(self._index, len(program.steps) - 1)]
-        self._at.measure(step, row, self._place)
+        self._at.measure(step, row, self._place, resting=self.resting)
         if self.wanted is None:
             self._advance(self._at, step, row)
             if self._is_done(program):
@@ -261,21 +261,41 @@ class StepRunner:
         if self._program is not None and self._index < len(self._program.steps) and not self._program.is_open:
             known = {"end": end, "end_s": self._second(row)}
             self._ends = [step if step.end is not None else step.model_copy(update=known) for step in self._ends]
+            self._ends[self._index] = self._ends[self._index].model_copy(update=self._cut(end, row))
             self._publish()
             self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
         if end == "stopped":
             self._keeper = self._straight = None
 
+    def _cut(self, end: End, row: TickRow) -> dict[str, object]:
+        """What is known of the step under way when its program is ended.
+
+        A stop may come when its amount is done and the robot only comes to rest.
+        """
+        assert self._program is not None and self._at is not None
+        step = self._program.steps[self._index]
+        value = None
+        if step.amount is not None:
+            value = done_of(self._at, step, (int(row.tick) - self._at.begin_tick) / self.rate_hz)
+            if end == "stopped" and not is_missing(step, step.amount.value - value, self.size):
+                end = "done"
+        return self._known(step, row, end, value)
+
+    def _known(self, step: Step, row: TickRow, end: End, measured: float | None) -> dict[str, object]:
+        """What the answer says of a step that has ended."""
+        known: dict[str, object] = {"end": end, "end_s": self._second(row)}
+        if measured is not None:
+            known["measured"] = round(measured, 4)
+        if step.goal is not None:
+            known["place"] = tuple(round(float(value), 4) for value in self._place)
+        return known
+
     def _next(self, row: TickRow, end: End, measured: float | None) -> None:
         """A step has ended."""
         assert self._program is not None
         ended = self._program.steps[self._index]
-        known: dict[str, object] = {"end": end, "end_s": self._second(row)}
-        if measured is not None:
-            known["measured"] = round(measured, 4)
-        if ended.goal is not None:
-            known["place"] = tuple(round(float(value), 4) for value in self._place)
+        known = self._known(ended, row, end, measured)
         self._ends[self._index] = self._ends[self._index].model_copy(update=known)
         self._index += 1
         if self._index < len(self._program.steps):

@@ -138,7 +138,8 @@ class MotionFigures:
     """How the robot moved. Units are in the names; None where unknown.
 
     Attributes:
-        robot_went: displacement from the source's first frame until the robot stands again.
+        robot_went: displacement from the source's first frame until the robot stands again; of a robot that was set up
+            again, all its ways together.
         human_went: displacement of the human over the part that was followed, scaled to the robot's legs.
         behind_m: how far from there the robot was with the source's last frame: its lag.
         limb_stiffness: mean share of the robot file's stiffness with which arms and head followed.
@@ -170,6 +171,30 @@ class JointLoad:
     peak_speed_rad_s: float | None
     speed_limit_rad_s: float
     saturated_share: float | None
+
+
+def way(base: Float, stands: Mask) -> tuple[Float, Float]:
+    """Position (T, 3) [m] and unwrapped heading (T,) [rad] of the torso; NaN while it does not stand.
+
+    A simulated robot whose torque was off is set up again where it began. Each stretch of standing goes on where the
+    one before ended, so that the ways add up.
+
+    Args:
+        base: torso position and quaternion w x y z, (T, 7).
+        stands: (T,).
+    """
+    position, heading = np.full((len(base), 3), np.nan), np.full(len(base), np.nan)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int8))).reshape(-1, 2)
+    last: int | None = None
+    for begin, end in edges.tolist():
+        place, yaw = base[begin:end, :3].copy(), continuous_heading(base[begin:end, 3:])
+        if last is not None:
+            turn = heading[last] - yaw[0]
+            cos, sin = np.cos(turn), np.sin(turn)
+            place[:, :2] = position[last, :2] + (place[:, :2] - place[0, :2]) @ np.array([[cos, sin], [-sin, cos]])
+            yaw += turn
+        position[begin:end], heading[begin:end], last = place, yaw, end - 1
+    return position, heading
 
 
 def tilt(quaternion: Float) -> Float:
@@ -278,21 +303,22 @@ def motion_figures(
     slip = foot_slip(record.true_foot_velocity[rows][playing], record.true_foot_force[rows][playing], robot.weight)
 
     path_ratio = heading_error = robot_went = human_went = behind = None
-    compared = playing & known
+    compared = playing & known & should_stand
+    position, heading = way(base, known & upright & should_stand)
     if compared.any():
         # The robot's path ends where it comes to a stand, so that it includes the human's last step.
         first, last = np.flatnonzero(compared)[[0, -1]]
         ticks = np.arange(record.used)
         follows = (ticks >= first) & (ticks <= last + STANDS_AGAIN_S * record.rate_hz)
         moving = known & upright & should_stand & follows
-        robot_went = Displacement.of(base[moving, :3], continuous_heading(base[moving, 3:]))
+        robot_went = Displacement.of(position[moving], heading[moving])
         if human is not None:
             human_position, human_heading = human.at(record.source_s[rows][compared])
             human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
-            until = Displacement.of(base[compared, :3], continuous_heading(base[compared, 3:]))
+            until = Displacement.of(position[compared], heading[compared])
             behind = float(np.hypot(human_went.ahead_m - until.ahead_m, human_went.left_m - until.left_m))
-            path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
-            heading_error = heading_rms(continuous_heading(base[compared, 3:]), human_heading)
+            path_ratio = net_path_ratio(position[moving], human_position, robot.leg_ratio)
+            heading_error = heading_rms(heading[compared], human_heading)
 
     return MotionFigures(
         fell=fall is not None,

@@ -16,7 +16,7 @@ from pydantic import Field
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_totals import Times, TorqueSource
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, not_done
 from flexmotion.streamer.planning.ease_notes import EASED, REFUSED
 from flexmotion.streamer.report.figure import Figure, Maybe, Section
 from flexmotion.streamer.report.human_sections import LikenessSection, TorqueProfileSection
@@ -26,6 +26,14 @@ from flexmotion.streamer.report.torque_profile import TorqueProfile
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
+
+CutBy = Literal["interrupt", "seconds"]
+"""What ended a run before all that was asked was done: a signal, or `--seconds`."""
+
+_ENDS, _STOPS = ("END", "QUIT"), ("STOP", "ESTOP", "KILL", "DISARM")
+"""Requests that end the run, and that stop the robot."""
+_LAST_FRAME_S = 0.1
+"""The last frame that is played is at most this long before the end of a script [s]."""
 
 
 class Latency(Section):
@@ -181,6 +189,7 @@ class Report(Section):
     torque_profile: TorqueProfileSection | None = None
     safety: SafetySection
     targets: tuple[Heard, ...] = ()
+    cut_by: CutBy | None = None
     log: str | None
 
     def json_text(self) -> str:
@@ -209,6 +218,7 @@ class RunInfo:
         missed_allowed, underruns_allowed: missed deadlines and underruns that are allowed.
         log: path of the log; None without one.
         targets: the answers to all that was asked.
+        ends_itself: whether the run has an end of its own; who ends it before interrupts it.
         allow_refused: the run is ok although something that was asked was refused, dropped or not finished.
         min_likeness: the run is not ok below this likeness, in [0, 1], or where it is not known; None: not judged.
     """
@@ -225,6 +235,7 @@ class RunInfo:
     underruns_allowed: int = 0
     log: str | None = None
     targets: tuple[Heard, ...] = ()
+    ends_itself: bool = False
     allow_refused: bool = False
     min_likeness: float | None = None
 
@@ -234,6 +245,31 @@ def _dropped(record: RunTrace) -> int | None:
     if record.human_steps is None:
         return None
     return max(record.human_steps - (record.steps_planned - record.steps_inserted), 0)
+
+
+def _reached(record: RunTrace, answers: tuple[Heard, ...]) -> tuple[Heard, ...]:
+    """The answers; those to items of a script whose time never came say so."""
+    until_s = float(np.nanmax(record.source_s, initial=-np.inf))
+    return tuple(
+        heard.model_copy(update={"reached": False})
+        if heard.item is not None
+        and heard.state != "refused"
+        and (heard.at_s or 0.0) > until_s + _LAST_FRAME_S
+        and all(step.end is None for step in heard.steps)
+        else heard
+        for heard in answers
+    )
+
+
+def _cut_by(record: RunTrace, info: RunInfo, faults: list[str]) -> CutBy | None:
+    """What ended the run before all that was asked was done; None: nothing, or a fault or an operator's stop."""
+    parked = np.flatnonzero(record.state == State.PARK)
+    until = int(record.tick[parked[0]]) if len(parked) else np.inf
+    asked = {event.message for event in record.events if event.kind == "request" and event.tick <= until}
+    if info.ends_itself and not asked.isdisjoint(_ENDS):
+        return "interrupt"
+    stopped = faults or not asked.isdisjoint((*_ENDS, *_STOPS))
+    return "seconds" if not stopped and any(heard.cut is not None for heard in info.targets) else None
 
 
 def build_report(
@@ -272,19 +308,20 @@ def build_report(
         motion["time_to_fall_s"] = figures.time_to_fall_s + record.period_s[0]
     if record.totals.fall_tick is not None:
         motion |= {"fell": True, "time_to_fall_s": record.totals.fall_tick / record.rate_hz}
+    targets = _reached(record, info.targets)
     faults = [event.message for event in record.events if event.kind == "fault"]
+    cut_by = _cut_by(record, info, faults)
     return Report(
         ok=(
             not motion["fell"]
             and not faults
+            and cut_by != "interrupt"
             and record.violations_sent == 0
             and record.missed_deadlines <= info.missed_allowed
             and record.underruns <= info.underruns_allowed
             and (record.totals.streamed or bool((states == State.STREAMING).any()))
             and states[-1] in (State.HOLD, State.OFF)
-            and (
-                info.allow_refused or not (planner.refusals or any(heard.failure is not None for heard in info.targets))
-            )
+            and (info.allow_refused or not (planner.refusals or not_done(targets)))
             and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
@@ -330,6 +367,7 @@ def build_report(
             faults=faults,
             hardware_failed=record.hardware_failed,
         ),
-        targets=info.targets,
+        targets=targets,
+        cut_by=cut_by,
         log=info.log,
     )

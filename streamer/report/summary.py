@@ -9,12 +9,13 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from flexmotion.streamer.motion.heard import not_done
 from flexmotion.streamer.report.report import DisplacementSection, Latency, Report
 
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
 ASKED_SHOWN = 12
-"""Answers shown in the terminal; the others are in `report.json`."""
+"""Answers shown in the terminal; all are in `report.json` and the JSON output."""
 _CUT_SHORT = ("READY", "STREAMING", "PARK")
 """Final states of a run that was ended at once: torque was cut where the robot was."""
 
@@ -31,6 +32,8 @@ def failures(report: Report) -> list[str]:
     ]
     if report.limits.violations_sent:
         reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope left the loop")
+    if report.cut_by == "interrupt":
+        reasons.append("interrupted")
     if report.safety.final_state in _CUT_SHORT:
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     if report.planner.plans == 0:
@@ -51,9 +54,11 @@ def failures(report: Report) -> list[str]:
 
 def _not_done(report: Report) -> list[str]:
     """What was asked and not done, and plans that were refused: one thing in words, several by number."""
-    found = [(heard, heard.failure) for heard in report.targets if heard.failure is not None]
+    found = not_done(report.targets)
     plans = report.planner.refusals
     reasons = list(plans) if len(plans) < 2 else [f"{len(plans)} plans refused: {plans[0]}"]
+    if any(heard.failure is None for heard, _ in found) and report.cut_by == "seconds":
+        reasons.append("--seconds ended the run first")
     if len(found) == 1:
         return [short(found[0][1]), *reasons]
     refused = sum(heard.state == "refused" for heard, _ in found)
@@ -93,7 +98,7 @@ def likeness_rows(report: Report) -> list[tuple[str, str, str]]:
     if found is None:
         return []
     meaning = {
-        "path": "of the human's way, scaled by leg length",
+        "path": "of the human's way, scaled by leg length: furthest from the start, while the human moves",
         "turn": f"of the human's turn of {abs(found.human_turned_deg):.0f}°",
         "bend": f"of the human's bend, {found.human_bend_deg:.0f}°",
         "flight": f"of the {found.human_flight_s:.2f} s in which no foot of the human is on the ground",
@@ -129,13 +134,16 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     """Name, value with unit, and meaning of every known motion figure."""
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
-    human = "" if m.human_steps is None else f" the human made {m.human_steps}, {m.steps_dropped} dropped,"
-    steps = f"planned;{human} {m.steps_inserted} inserted"
+    steps = steps_words(m.steps_planned, m.steps_inserted, m.human_steps, m.steps_dropped or 0)
     rows = [
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
-        ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        (
+            "net path",
+            show(m.net_path_ratio, "", 1.0, 2),
+            "robot over human, scaled by leg length: from start to end, once the robot stands again",
+        ),
         ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
         ("behind", show(m.behind_m, "m", 1.0, 2), "the human's place, scaled, with the source's last frame"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
@@ -146,6 +154,23 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("self-collisions", collisions, "separate touches of two links"),
     ]
     return [row for row in rows if row[1] != "-"]
+
+
+def steps_words(planned: int, inserted: int, human: int | None, dropped: int) -> str:
+    """What the planned footsteps are of, so that the parts give their sum; `human`: None, not known."""
+    corrected = f"{inserted} inserted to correct the feet or bring them together"
+    if human is None:
+        return f"planned, {corrected}" if inserted else "planned"
+    followed = planned - inserted
+    dropped = max(dropped, human - followed)
+    added = followed - human + dropped
+    parts = [
+        f"the human made {human}",
+        *([f"{dropped} dropped"] if dropped else []),
+        *([f"{added} added in the robot's own cadence"] if added else []),
+        *([corrected] if inserted else []),
+    ]
+    return f"planned: {', '.join(parts)}"
 
 
 def period_note(report: Report) -> str:
@@ -215,7 +240,8 @@ def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
             *done,
         ]
         notes += [f"not done: {', '.join(heard.dropped)}"] if heard.dropped else []
-        rows.append((heard.asked, heard.state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
+        state = heard.state if heard.reached else "not reached"
+        rows.append((heard.asked, state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
     return rows
 
 
@@ -225,12 +251,16 @@ def _asked(report: Report) -> list[RenderableType]:
     drawn = table("Asked", "", "", "", "")
     rows = asked_rows(report)
     # What was not done is shown first of all, in the order in which it was asked.
-    failed = [place for place, heard in enumerate(report.targets) if heard.failure is not None]
+    missed = [heard for heard, _ in not_done(report.targets)]
+    failed = [place for place, heard in enumerate(report.targets) if heard in missed]
     others = [place for place in range(len(rows)) if place not in failed]
     for asked, state, heard, notes in (rows[place] for place in sorted([*failed, *others][:ASKED_SHOWN])):
         drawn.add_row(*(Text(part) for part in (asked, state, heard)), Text(notes, style="dim"))
     more = len(report.targets) - ASKED_SHOWN
-    return [drawn, *([Text(f"and {more} more, in report.json", style="dim")] if more > 0 else [])]
+    return [
+        drawn,
+        *([Text(f"and {more} more: all of them with --report FOLDER or --json", style="dim")] if more > 0 else []),
+    ]
 
 
 def _motion(report: Report) -> list[RenderableType]:

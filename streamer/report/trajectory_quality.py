@@ -23,7 +23,7 @@ from flexmotion.streamer.report.metrics import (
     net_path_ratio,
 )
 from flexmotion.streamer.report.report import Latency
-from flexmotion.streamer.report.summary import show, table
+from flexmotion.streamer.report.summary import show, steps_words, table
 
 
 class Worst(BaseModel):
@@ -99,8 +99,7 @@ def render_quality(result: Quality) -> RenderableType:
         (
             "steps",
             str(result.steps_planned),
-            f"planned; the human made {result.human_steps}, {result.steps_dropped} dropped, "
-            f"{result.steps_inserted} inserted",
+            steps_words(result.steps_planned, result.steps_inserted, result.human_steps, result.steps_dropped),
         ),
         ("torque", show(result.torque.share, "%", 100, 0), f"of the servo's envelope at most: {_where(result.torque)}"),
         ("speed", show(result.speed.share, "%", 100, 0), f"of no-load speed at most: {_where(result.speed)}"),

@@ -157,7 +157,7 @@ def test_the_end_of_a_sequence_names_the_step_that_was_not_done_and_its_limit(ma
         office.desk.pump()
     told = {
         "step back": "step back: 0 steps of 1 step (time limit of 10 s); bow: 1 time of 1 time",
-        "bow": "step back: 1 step of 1 step; bow: 0 times of 1 time (time limit of 11.5 s)",
+        "bow": "step back: 1 step of 1 step, then feet together; bow: 0 times of 1 time (time limit of 11.5 s)",
     }
     assert [(one.end, one.done) for one in ends] == [("time limit", told[late])]
 

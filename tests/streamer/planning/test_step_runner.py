@@ -198,6 +198,28 @@ def test_footsteps_count_where_they_carry_a_foot_in_the_walks_direction() -> Non
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
 
 
+@pytest.mark.parametrize(
+    ("closes_m", "told"), [(0.08, "2 steps of 2 steps, then feet together"), (0.16, "3 steps, 2 asked for")]
+)
+def test_the_step_that_brings_the_feet_together_is_none_of_those_that_were_asked_for(
+    closes_m: float, told: str
+) -> None:
+    """The answer to "two steps back" was "3 steps, 2 asked for": the last one only closed the stance.
+
+    One that was settled already and passes the other foot counts.
+    """
+    robot = Robot((0, program(STEPS)))
+    for side, carried in ((0, 0.04), (1, 0.08), (0, closes_m - 0.04)):
+        robot.row.contact_ref[side] = False
+        robot.run(0.02)
+        robot.row.foot_ref[side, 0] -= carried
+        robot.run(0.02)
+        robot.row.contact_ref[side] = True
+        robot.run(0.02)
+    robot.run(2.0)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].done == told
+
+
 def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> None:
     robot = Robot((0, program(WAVE)))
     robot.run(0.1)
@@ -278,13 +300,33 @@ def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
     assert ended == pytest.approx([2.0, 2.2], abs=0.05)
 
 
+def test_a_step_that_is_stopped_says_how_much_of_it_was_done() -> None:
+    """A walk of 2 m that the end of the run stopped after .6 m, and the wave that never began, were "not measured"."""
+    robot = Robot((0, program(WALK, WAVE)))
+    robot.run(3.0, ahead=0.2)
+    robot.row.must_stop[...] = True
+    robot.run(0.1)
+    walk, wave = robot.heard[-1].steps
+    assert robot.ends == ["stopped"] * 2 and walk.measured == pytest.approx(0.6, abs=0.05)
+    assert wave.measured is None and wave.fate == "not begun (stopped)"
+
+
+def test_a_step_that_is_stopped_while_the_robot_comes_to_rest_after_it_is_done() -> None:
+    robot = Robot((0, program(TURN)))
+    robot.run(2.9, turn=0.6)
+    assert robot.runner.resting and not robot.heard
+    robot.row.must_stop[...] = True
+    robot.run(0.1)
+    assert robot.ends == ["done"]
+
+
 def test_a_target_that_is_over_ends_its_program() -> None:
     """A program went on by itself after the target that had asked for it was too old."""
     robot = Robot((0, program(TURN, WAIT)))
     robot.run(2.9, turn=0.6)
     assert robot.runner.resting
     robot.runner.update(robot.row, halted=True)
-    assert robot.ends == ["stopped"] * 2 and not robot.runner.resting and robot.runner.wanted is None
+    assert robot.ends == ["done", "stopped"] and not robot.runner.resting and robot.runner.wanted is None
 
 
 def test_a_script_goes_on_while_the_robot_rests() -> None:

@@ -220,3 +220,17 @@ def test_joint_loads(record: RunTrace, figures: RobotFigures) -> None:
     assert knee.peak_speed_rad_s == pytest.approx(0.4 * 2 * np.pi * 1.2, rel=1e-2)
     assert knee.saturated_share == pytest.approx((record.used // 4 - 100) / (record.used - 100))
     assert (knee.torque_limit_nm, knee.speed_limit_rad_s) == (2.5, 4.8)
+
+
+def test_the_ways_of_a_robot_that_is_set_up_again_add_up() -> None:
+    """A live run with a walk, an e-stop and another walk "went 0.00 m": the simulated robot stood where it began."""
+    base = np.zeros((9, 7))
+    base[:, 3] = 1.0
+    base[:3, 0] = (1.0, 1.5, 2.0)
+    base[2, 3:] = quaternion("z", 90)  # it looks to the left when it is stopped
+    base[6:, 0] = (1.0, 1.2, 1.4)
+    stands = np.array([True, True, True, False, False, False, True, True, True])
+    position, heading = metrics.way(base, stands)
+    went = metrics.Displacement.of(position[stands], heading[stands])
+    assert (went.ahead_m, went.left_m, went.turned_rad) == pytest.approx((1.0, 0.4, np.pi / 2))
+    assert np.isnan(position[3:6]).all()

@@ -12,10 +12,18 @@ from rich.console import Console
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.report.summary import failures, joint_rows, render, verdict
+from flexmotion.streamer.report.summary import (
+    asked_rows,
+    failures,
+    joint_rows,
+    motion_rows,
+    render,
+    steps_words,
+    verdict,
+)
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
@@ -119,3 +127,78 @@ def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: Run
     alone = build_report(record, replace(INFO, targets=(*done, refused[0])), figures)
     told = failures(alone)[-1]
     assert told == "refused: 'fly 0' is not understood by this model, it stands still; try: walk forward"
+
+
+def prompt(item: int, at_s: float, *steps: HeardStep) -> Heard:
+    return Heard(item=item, at_s=at_s, asked="walk and wave", state="accepted", heard_as="walk, wave", steps=steps)
+
+
+WALK = HeardStep(text="walk", heard_as="walk", amount=2.0, unit="length", end="stopped", measured=0.6)
+WAVE = HeardStep(text="wave", heard_as="wave-right-hand", amount=1.0, unit="times", end="stopped")
+
+
+def test_a_prompt_that_the_end_of_the_run_cut_off_does_not_pass(record: RunTrace, figures: RobotFigures) -> None:
+    """`--seconds 3 --prompt "walk two metres"` passed after .60 m of 2 m."""
+    report = build_report(record, replace(INFO, targets=(prompt(0, 0.0, WALK, WAVE),)), figures)
+    told = "'walk and wave': not done whole when the run ended (walk: 0.6 m of 2 m, wave: not begun)"
+    assert not report.ok and failures(report) == [told, "--seconds ended the run first"]
+    # An operator's target is stopped on purpose.
+    target = Heard(id=1, asked="walk", state="accepted", heard_as="walk", steps=(WALK,))
+    assert build_report(record, replace(INFO, targets=(target,)), figures).ok
+
+
+def test_items_of_a_script_that_the_run_did_not_reach_say_so(record: RunTrace, figures: RobotFigures) -> None:
+    """Items whose time never came were listed as accepted. The human of this run is followed for 7 s.
+
+    An item that its script itself ends, by the next item or by a stop, is as it was asked.
+    """
+    never = WAVE.model_copy(update={"end": None})
+    items = (prompt(0, 0.0, WALK), prompt(1, 7.0), prompt(2, 9.0, never))
+    report = build_report(record, replace(INFO, targets=items), figures)
+    assert [row[1] for row in asked_rows(report)] == ["accepted", "accepted", "not reached"]
+    assert report.ok
+    assert not build_report(record, replace(INFO, targets=(items[0], items[2])), figures).ok
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [
+        ((22, 2, 16, 0), "the human made 16, 4 added in the robot's own cadence, 2 inserted"),
+        ((17, 0, 20, 3), "the human made 20, 3 dropped"),
+        ((18, 1, 20, 5), "the human made 20, 5 dropped, 2 added in the robot's own cadence, 1 inserted"),
+        ((3, 1, None, 0), "planned, 1 inserted"),
+    ],
+)
+def test_the_parts_of_the_steps_give_their_sum(counts: tuple[int, int, int | None, int], told: str) -> None:
+    """A report said "22 planned; the human made 16, 0 dropped, 2 inserted"."""
+    assert told in steps_words(*counts)
+
+
+def test_answers_that_are_not_shown_are_promised_in_no_file(record: RunTrace, figures: RobotFigures) -> None:
+    """The words "and 18 more, in report.json" stood in a report without `--report`: there was no such file."""
+    asked = tuple(Heard(id=number, asked=f"wave {number}", state="accepted") for number in range(1, 31))
+    console = Console(file=io.StringIO(), width=100)
+    console.print(render(build_report(record, replace(INFO, targets=asked), figures)))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "and 18 more: all of them with --report FOLDER or --json" in text and "report.json" not in text
+
+
+def test_the_two_ratios_of_paths_say_of_which_time_they_are(
+    record: RunTrace, figures: RobotFigures, human: HumanTrack
+) -> None:
+    """The figure "path 79 %" stood above "net path 0.98", both "scaled by leg length"."""
+    meaning = {name: told for name, _, told in motion_rows(build_report(record, INFO, figures, human=human))}
+    assert meaning["net path"].endswith("from start to end, once the robot stands again")
+
+
+def test_a_run_that_was_interrupted_does_not_pass(record: RunTrace, figures: RobotFigures) -> None:
+    """After Ctrl-C a dry run of a script printed PASS. A live run has no other end."""
+    record.events.append(Event(400, "request", "END"))
+    items = (prompt(0, 0.0, WALK), prompt(1, 9.0))
+    report = build_report(record, replace(INFO, targets=items, ends_itself=True), figures)
+    assert not report.ok and failures(report)[0] == "interrupted" and "--seconds" not in verdict(report)
+    assert [row[1] for row in asked_rows(report)] == ["accepted", "not reached"]
+    assert build_report(record, replace(INFO, targets=items[1:]), figures).ok
+    record.state[300:] = State.PARK  # all was done before
+    record.state[-1] = State.OFF
+    assert build_report(record, replace(INFO, ends_itself=True), figures).ok
