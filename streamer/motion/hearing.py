@@ -22,7 +22,7 @@ from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.grammar import parse, whole
-from flexmotion.text.manners import NORMAL
+from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.postures import moves_along
@@ -190,6 +190,10 @@ class Hearing:
         for clause in (one for one in clauses if one.forbidden):
             if clause.text.split()[:1] and clause.text.split()[0] in vocabulary().words("still_verbs"):
                 continue  # "raise your hand and don't lower it"
+            if words := _words_of_a_manner(clause.text):
+                if any(words & set(one.text.split()) for one in wanted):
+                    raise RefusedError(f"{clause.said!r}: that manner is asked for and forbidden in one sentence")
+                continue  # "walk without limping"; a listener takes single words for many things
             prompt = self.model.prompt(clause.text) if clause.text else None
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
                 forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
@@ -452,6 +456,12 @@ def _ignores(clause: Clause, step: Step) -> bool:
 def _qualifies(clause: Clause) -> bool:
     """Whether a prohibition is of how another request is done: "without making noise", "but not too high"."""
     return clause.joint == "but" or clause.said.split()[:1] == ["without"]
+
+
+def _words_of_a_manner(text: str) -> set[str]:
+    """All words of the manner that a text says and nothing else: those of "limp" for "limp"; none for other texts."""
+    said = set(text.split())
+    return next((words for manner in manners() if said and said <= (words := set(manner_words(manner)))), set())
 
 
 def _says_manner(prompt: Prompt) -> bool:
