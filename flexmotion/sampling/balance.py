@@ -1,4 +1,4 @@
-"""`balancing_shift`: how the root's path is shifted so that the ground can give what the motion needs.
+"""`horizontal_shift`, `vertical_shift`: the root's path is shifted so that the ground can give what the motion needs.
 
 Errors of the legs let loaded feet slide, and holding them in place (`planted`) jerks the body: its zero-moment point
 leaves the soles by decimetres. Here the whole body, feet included, is shifted by a path d(t) that trades the two:
@@ -77,6 +77,9 @@ FASTEST = 2.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
 
 _NORMALS = np.ascontiguousarray(OUTWARD.T)
+
+MOSTLY = 0.5
+"""A body stands on a region of which more than this share stays."""
 
 CALM = 3
 """Frames over which the speed at the end of a window is measured."""
@@ -162,12 +165,14 @@ def horizontal_shift(
         stays: share of the region that stays where it is, (N,): of feet that legs bring back to where they are asked to
             be. None: all of it moves along.
         settings: weights.
-        stands: whether the body can come to stand on the region at the end: its capture point is then kept inside.
+        stands: whether the body is to stand at the end. Where most of the region stays then, its capture point is kept
+            inside.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
     lift = needs.force[terms.rows, 2]
     borne = (lift > LIGHT * GRAVITY) & (bounds[terms.rows, 0] > NOWHERE / 2)
     rows, lift = terms.rows[borne], lift[borne, None]
+    stands = stands and stays is not None and bool(stays[-2] > MOSTLY and bounds[-2, 0] > NOWHERE / 2)
     margin = settings.standing_margin if stands else settings.margin
     edge = bounds[rows] - margin
     base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift
@@ -177,10 +182,12 @@ def horizontal_shift(
         moved += stays[rows, None] * np.eye(len(needs.root))[rows, needs.known :]
     # An error of the zero-moment point counts as the acceleration that makes up for it.
     weight = settings.ease / lever[:, 0] ** 2
-    if stands and bounds[-2, 0] > NOWHERE / 2:
+    if stands and stays is not None:
         frequency = np.sqrt(GRAVITY / needs.centre[-1, 2])
         capture = _capture(needs.fps, frequency, len(needs.root))
         base = np.concatenate([base, capture @ needs.centre[:, :2]])
+        # The last frame has no zero-moment point of its own, nor a region that was judged.
+        capture[0, -1] -= 1.0 - stays[-2]
         moved = np.concatenate([moved, capture[:, needs.known :]])
         edge = np.concatenate([edge, bounds[-2:-1] - margin])
         weight = np.append(weight, settings.capture * settings.ease * frequency**4)

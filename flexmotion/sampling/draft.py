@@ -34,9 +34,11 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-WALKS, ARRIVING = 0.4, 4
-"""A window to whose last known frames, so many, or through which a body goes faster than this [m/s] is not one of
-standing, whatever is asked: its body still walks."""
+WALKS = 0.4
+"""A body that arrives, or crosses the window, faster than this [m/s] still walks, whatever is asked."""
+
+ARRIVING = 4
+"""Last known frames over which the speed of its arrival is measured."""
 
 FAR = 0.015
 """Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced, too, which
@@ -54,7 +56,7 @@ class Draft:
         remembered: features of the last of them, not normalised, (H, F).
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
-        stays: whether what is asked is done on the spot: feet that rest are kept in place by their legs.
+        on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
         pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
     """
@@ -65,7 +67,7 @@ class Draft:
     remembered: Float32
     balanced: bool
     rest: Float | None
-    stays: bool
+    on_the_spot: bool
     pose: KeptPose | None
     source: str
 
@@ -129,7 +131,8 @@ class Draft:
     ) -> Delivered:
         """See `delivered`; feet that rest stay where they are."""
         resting = self._resting(motion)
-        if resting is not None and motion.contacts is not None:
+        if resting is not None:
+            assert motion.contacts is not None
             # A body that stood on both feet and was said to stand on one would fall away from it.
             motion = replace(motion, contacts=motion.contacts | resting.stands)
         stays, kept = None, constraints if closes else None
@@ -153,7 +156,7 @@ class Draft:
 
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
-        if not self.stays or motion.wrenches is None or motion.contacts is None:
+        if not self.on_the_spot or motion.wrenches is None or motion.contacts is None:
             return None
         arrived = self.history.root_position[-ARRIVING:, :2]
         speed = np.hypot(*(arrived[-1] - arrived[0])) * self.layout.fps / max(len(arrived) - 1, 1)

@@ -152,13 +152,12 @@ class Requests:
         return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
 
     def travels(self, condition: Condition) -> bool:
-        """Whether a condition of `meant` leads away or turns, or does not say what to do."""
-        velocity = condition.velocity if condition.wordless else self.own_velocity(condition)
-        return any(velocity) if velocity is not None else condition.wordless
+        """Whether a condition of `meant` leads away or turns, or may do so.
 
-    def stays(self, condition: Condition) -> bool:
-        """Whether a condition of `meant` is known to be done on the spot: of a model whose speeds were measured."""
-        return bool(self._corrections.speeds) and not self.travels(condition)
+        Nothing is known of wordless ones without a velocity, and of all words where no speeds were measured.
+        """
+        velocity = condition.velocity if condition.wordless else self.own_velocity(condition)
+        return any(velocity) if velocity is not None else condition.wordless or not self._corrections.speeds
 
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
         """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.

@@ -187,7 +187,7 @@ class Sampler:
             remembered=remembered,
             balanced=self.balanced,
             rest=self._rest if free and self.requests.stands(meant) else None,
-            stays=not self.requests.travels(meant),
+            on_the_spot=not self.requests.travels(meant),
             pose=condition.pose,
             source=self._source,
         )

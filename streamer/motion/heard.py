@@ -96,7 +96,7 @@ class HeardStep(BaseModel):
             degrees = np.degrees(wrapped(heading))
             return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {degrees:.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
-            return "not measured" if self.end is None else "not begun"
+            return "not begun" if self.end is not None and self.amount is not None else "not measured"
         measured = amount_text(self.measured, self.unit)
         if self.unit in ("steps", "times") and self.measured > self.amount:
             return f"{measured}, {self.amount:.3g} asked for"

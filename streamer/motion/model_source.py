@@ -390,7 +390,7 @@ class ModelSource:
         human who is asked to bow walks on for good: they are to stand first.
         """
         requests, begun = self.sampler.requests, self._begun(begin)
-        if begun is None or begin - begun[0] < _REACHED_S * self.fps or not requests.stays(condition):
+        if begun is None or begin - begun[0] < _REACHED_S * self.fps or requests.travels(condition):
             return False
         past = self._frames(max(begin - round(_WALKING_S * self.fps), self._first), begin).root_position[:, :2]
         return float(np.hypot(*(past[-1] - past[0]))) > _WALKING * (len(past) - 1) / self.fps

@@ -18,6 +18,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_heading
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_totals import FALL_TILT_RAD, laid_down
 from flexmotion.streamer.control.run_trace import RunTrace
 
@@ -173,27 +174,30 @@ class JointLoad:
     saturated_share: float | None
 
 
-def way(base: Float, stands: Mask) -> tuple[Float, Float]:
+def way(base: Float, stands: Mask, off: Mask) -> tuple[Float, Float]:
     """Position (T, 3) [m] and unwrapped heading (T,) [rad] of the torso; NaN while it does not stand.
 
-    A simulated robot whose torque was off is set up again where it began. Each stretch of standing goes on where the
-    one before ended, so that the ways add up.
+    A simulated robot whose torque was off is set up again where it began. What it does then goes on where it stood
+    last, so that the ways add up.
 
     Args:
         base: torso position and quaternion w x y z, (T, 7).
         stands: (T,).
+        off: ticks without torque, (T,).
     """
     position, heading = np.full((len(base), 3), np.nan), np.full(len(base), np.nan)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int8))).reshape(-1, 2)
+    turn, begun, led = 0.0, np.zeros(2), np.zeros(2)  # where it was set up again, and where it stood before
     last: int | None = None
     for begin, end in edges.tolist():
         place, yaw = base[begin:end, :3].copy(), continuous_heading(base[begin:end, 3:])
-        if last is not None:
-            turn = heading[last] - yaw[0]
-            cos, sin = np.cos(turn), np.sin(turn)
-            place[:, :2] = position[last, :2] + (place[:, :2] - place[0, :2]) @ np.array([[cos, sin], [-sin, cos]])
-            yaw += turn
-        position[begin:end], heading[begin:end], last = place, yaw, end - 1
+        if last is not None and off[last:begin].any():
+            turn, begun, led = float(heading[last] - yaw[0]), place[0, :2].copy(), position[last, :2].copy()
+        elif last is not None:
+            yaw += 2.0 * np.pi * np.round((heading[last] - turn - yaw[0]) / (2.0 * np.pi))
+        cos, sin = np.cos(turn), np.sin(turn)
+        place[:, :2] = led + (place[:, :2] - begun) @ np.array([[cos, sin], [-sin, cos]])
+        position[begin:end], heading[begin:end], last = place, yaw + turn, end - 1
     return position, heading
 
 
@@ -304,7 +308,7 @@ def motion_figures(
 
     path_ratio = heading_error = robot_went = human_went = behind = None
     compared = playing & known & should_stand
-    position, heading = way(base, known & upright & should_stand)
+    position, heading = way(base, known & upright & should_stand, record.state[rows] == State.OFF)
     if compared.any():
         # The robot's path ends where it comes to a stand, so that it includes the human's last step.
         first, last = np.flatnonzero(compared)[[0, -1]]

@@ -261,7 +261,7 @@ def _reached(record: RunTrace, answers: tuple[Heard, ...]) -> tuple[Heard, ...]:
     )
 
 
-def _cut_by(record: RunTrace, info: RunInfo, faults: list[str]) -> CutBy | None:
+def _cut_by(record: RunTrace, info: RunInfo, answers: tuple[Heard, ...], faults: list[str]) -> CutBy | None:
     """What ended the run before all that was asked was done; None: nothing, or a fault or an operator's stop."""
     parked = np.flatnonzero(record.state == State.PARK)
     until = int(record.tick[parked[0]]) if len(parked) else np.inf
@@ -269,7 +269,8 @@ def _cut_by(record: RunTrace, info: RunInfo, faults: list[str]) -> CutBy | None:
     if info.ends_itself and not asked.isdisjoint(_ENDS):
         return "interrupt"
     stopped = faults or not asked.isdisjoint((*_ENDS, *_STOPS))
-    return "seconds" if not stopped and any(heard.cut is not None for heard in info.targets) else None
+    cut = any(heard.failure is None for heard, _ in not_done(answers))
+    return "seconds" if info.ends_itself and cut and not stopped else None
 
 
 def build_report(
@@ -310,7 +311,7 @@ def build_report(
         motion |= {"fell": True, "time_to_fall_s": record.totals.fall_tick / record.rate_hz}
     targets = _reached(record, info.targets)
     faults = [event.message for event in record.events if event.kind == "fault"]
-    cut_by = _cut_by(record, info, faults)
+    cut_by = _cut_by(record, info, targets, faults)
     return Report(
         ok=(
             not motion["fell"]

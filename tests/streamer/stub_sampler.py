@@ -84,8 +84,8 @@ class StubSampler:
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
 
-    def stays(self, condition: Condition) -> bool:
-        return condition.text in GESTURES
+    def travels(self, condition: Condition) -> bool:
+        return condition.text not in GESTURES
 
     def held(self, condition: Condition) -> Condition:
         return replace(condition, noise=HELD_NOISE) if condition.text == POSE else condition

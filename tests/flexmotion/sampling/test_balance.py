@@ -53,6 +53,9 @@ def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
 
     assert capture_point(falls) > 0.5
     assert abs(capture_point(stands)) < 0.05
+    # Nobody stands over feet that move along.
+    along = [horizontal_shift(needs, bounds, np.zeros(FRAMES), stands=on) for on in (True, False)]
+    np.testing.assert_array_equal(*along)
     assert zmp(needs, stands)[FRAMES - 10 : FRAMES - 2].max() < 0.06
 
 
@@ -60,7 +63,8 @@ def test_a_body_over_no_sole_is_not_brought_anywhere() -> None:
     needs, bounds = standing_beside()
     nowhere = np.full_like(bounds, -1e3)
     np.testing.assert_array_equal(
-        horizontal_shift(needs, nowhere, stands=True), horizontal_shift(needs, nowhere, np.zeros(FRAMES))
+        horizontal_shift(needs, nowhere, np.ones(FRAMES), stands=True),
+        horizontal_shift(needs, nowhere, np.ones(FRAMES)),
     )
 
 

@@ -22,6 +22,19 @@ def test_a_turn_on_the_spot_may_be_a_number_of_numpy(bundle: Path, turning: floa
     assert requests.one_speed(Condition(velocity=numbers)) is None
 
 
+def test_what_travels_is_known_from_measured_speeds(bundle: Path) -> None:
+    """Without them a walk would count as done on the spot: its feet would be held, and the body brought over them."""
+    opened = Bundle(bundle)
+    requests = Requests(opened)
+    spot, away = Condition(text="bow"), Condition(text="walk forward")
+    assert requests.travels(away) and not requests.travels(spot) and not requests.travels(requests.meant(Condition()))
+    assert requests.travels(Condition(velocity=(0.0, 0.0, 0.3))) and requests.travels(Condition(wordless=True))
+    nothing = opened.manifest.corrections.model_copy(update={"speeds": {}})
+    opened.manifest = opened.manifest.model_copy(update={"corrections": nothing})
+    unknown = Requests(opened)
+    assert unknown.travels(away) and unknown.travels(spot) and not unknown.travels(unknown.meant(Condition()))
+
+
 def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     """Regression: with one scale for all, poses went beyond people's, or bows and goodbyes were hardly made.
 

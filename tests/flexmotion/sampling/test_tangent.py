@@ -26,7 +26,17 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
     """A walking window after its history, and its features."""
     motion = resample(clip, 30.0)[60 : 60 + 12 + FRAMES]
     features = encode(motion, LAYOUT)
-    return Draft(LAYOUT, motion.body, motion[:12], features[4:12], True, None, False, None, ""), features[12:]
+    return Draft(
+        layout=LAYOUT,
+        body=motion.body,
+        history=motion[:12],
+        remembered=features[4:12],
+        balanced=True,
+        rest=None,
+        on_the_spot=False,
+        pose=None,
+        source="",
+    ), features[12:]
 
 
 def smooth_changes() -> Tangent:

@@ -320,6 +320,18 @@ def test_a_step_that_is_stopped_while_the_robot_comes_to_rest_after_it_is_done()
     assert robot.ends == ["done"]
 
 
+@pytest.mark.parametrize("step", [TURN, WAIT])
+def test_a_step_that_is_stopped_at_its_begin_is_not_done(step: Step) -> None:
+    """What was too little for another attempt counted as done: of a turn by 10° that was stopped at 0°, all of it."""
+    assert step.amount is not None
+    small = replace(step.amount, value=min(step.amount.value, math.radians(10.0)))
+    robot = Robot((0, program(replace(step, amount=small))))
+    robot.run(0.05)
+    robot.row.must_stop[...] = True
+    robot.run(0.05)
+    assert robot.ends == ["stopped"]
+
+
 def test_a_target_that_is_over_ends_its_program() -> None:
     """A program went on by itself after the target that had asked for it was too old."""
     robot = Robot((0, program(TURN, WAIT)))

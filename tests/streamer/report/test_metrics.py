@@ -230,7 +230,9 @@ def test_the_ways_of_a_robot_that_is_set_up_again_add_up() -> None:
     base[2, 3:] = quaternion("z", 90)  # it looks to the left when it is stopped
     base[6:, 0] = (1.0, 1.2, 1.4)
     stands = np.array([True, True, True, False, False, False, True, True, True])
-    position, heading = metrics.way(base, stands)
+    position, heading = metrics.way(base, stands, ~stands)
     went = metrics.Displacement.of(position[stands], heading[stands])
     assert (went.ahead_m, went.left_m, went.turned_rad) == pytest.approx((1.0, 0.4, np.pi / 2))
     assert np.isnan(position[3:6]).all()
+    parked, _ = metrics.way(base, stands, np.zeros_like(stands))
+    np.testing.assert_array_equal(parked[stands], base[stands, :3], "with torque it stays where it is")

@@ -139,7 +139,9 @@ WAVE = HeardStep(text="wave", heard_as="wave-right-hand", amount=1.0, unit="time
 
 def test_a_prompt_that_the_end_of_the_run_cut_off_does_not_pass(record: RunTrace, figures: RobotFigures) -> None:
     """`--seconds 3 --prompt "walk two metres"` passed after .60 m of 2 m."""
-    report = build_report(record, replace(INFO, targets=(prompt(0, 0.0, WALK, WAVE),)), figures)
+    info = replace(INFO, targets=(prompt(0, 0.0, WALK, WAVE),), ends_itself=True)
+    report = build_report(record, info, figures)
+    assert report.cut_by == "seconds"
     told = "'walk and wave': not done whole when the run ended (walk: 0.6 m of 2 m, wave: not begun)"
     assert not report.ok and failures(report) == [told, "--seconds ended the run first"]
     # An operator's target is stopped on purpose.
@@ -156,7 +158,7 @@ def test_items_of_a_script_that_the_run_did_not_reach_say_so(record: RunTrace, f
     items = (prompt(0, 0.0, WALK), prompt(1, 7.0), prompt(2, 9.0, never))
     report = build_report(record, replace(INFO, targets=items), figures)
     assert [row[1] for row in asked_rows(report)] == ["accepted", "accepted", "not reached"]
-    assert report.ok
+    assert report.ok and report.cut_by is None
     assert not build_report(record, replace(INFO, targets=(items[0], items[2])), figures).ok
 
 
