@@ -90,6 +90,12 @@ class Motion:
         """Time from the first to the last frame [s]."""
         return max(len(self) - 1, 0) / self.fps
 
+    @property
+    def net_speed(self) -> float:
+        """Speed of the root along the floor, straight from the first to the last frame [m/s]; 0 of a single frame."""
+        way = self.root_position[-1, :2] - self.root_position[0, :2]
+        return float(np.hypot(*way)) * self.fps / max(len(self) - 1, 1)
+
     def __getitem__(self, frames: slice) -> Motion:
         """The frames of a slice (views, not copies)."""
         # Made without `__init__`: what is finite and of the right shape is so in every slice of frames.

@@ -158,10 +158,9 @@ class Draft:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
         if not self.on_the_spot or motion.wrenches is None or motion.contacts is None:
             return None
-        arrived = self.history.root_position[-ARRIVING:, :2]
-        speed = np.hypot(*(arrived[-1] - arrived[0])) * self.layout.fps / max(len(arrived) - 1, 1)
+        arrived = self.history[max(0, len(self.history) - ARRIVING) :].net_speed
         way = np.hypot(*(motion.root_position[-1, :2] - self.anchor.place))
-        if max(speed, way * self.layout.fps / len(motion)) > WALKS:
+        if max(arrived, way * self.layout.fps / len(motion)) > WALKS:
             return None
         feet = np.concatenate([self._feet_before, foot_points(motion)])
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)

@@ -87,8 +87,8 @@ LEG = Limb(
     near=1e-4,
 )
 """A knee is not closed: the foot would leave its place with it. A foot that is to stand still while its body walks on
-is left behind less: reaching for it without a bound left a residual of 66 % of body weight, now 22. What a resting foot
-lacks is where it rests from then on: with a millimetre as near enough, who stood went 22 cm in ten minutes."""
+is left behind less: reaching for it without a bound left a residual of 66 % of body weight, now 22. The error
+of a resting foot stays in all later windows: with errors up to 1 mm, a standing human drifted 22 cm in ten minutes."""
 
 STAYS = 0.03
 """A foot that is so near to where it is asked to be stays there [m]."""

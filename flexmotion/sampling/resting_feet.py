@@ -1,8 +1,8 @@
 """`RestingFeet`: feet that rest on the floor while a body stands, and where they stay while it is balanced.
 
 Balance shifts a body by centimetres. Feet that move along slide, and a body that leans over the edge of its soles is
-only kept up by an acceleration, which the next window goes on from: a bow that was asked for a minute went 60 m. People
-who stand bring their body over their feet instead.
+only kept up by an acceleration, which the next window goes on from: a bow that was asked for a minute went 60 m. A
+person that stands brings its body over its feet instead.
 """
 
 from __future__ import annotations

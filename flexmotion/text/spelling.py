@@ -36,7 +36,7 @@ def respelled(sentence: str) -> str | None:
         if not found:
             return None
         swapped = [one for one in found if sorted(one) == sorted(word)]  # "lfet" is "left" rather than "let"
-        sentence = re.sub(rf"(?<![^\W\d_]){re.escape(word)}(?![^\W\d_])", (swapped or found)[0], sentence.lower())
+        sentence = _as_word(word).sub((swapped or found)[0], sentence.lower())
     return sentence
 
 
@@ -53,9 +53,14 @@ def directions_respelled(sentence: str, is_word: Callable[[str], bool]) -> tuple
         meant = _direction_meant(word)
         if meant is None or is_word(word):
             continue
-        sentence = re.sub(rf"(?<![^\W\d_]){word}(?![^\W\d_])", meant, sentence, flags=re.IGNORECASE)
+        sentence = _as_word(word).sub(meant, sentence)
         notes.append(f"{word!r} is read as {meant!r}")
     return sentence, tuple(notes)
+
+
+def _as_word(word: str) -> re.Pattern[str]:
+    """The word between characters that are no letters, in either case."""
+    return re.compile(rf"(?<![^\W\d_]){re.escape(word)}(?![^\W\d_])", re.IGNORECASE)
 
 
 def _direction_meant(word: str) -> str | None:

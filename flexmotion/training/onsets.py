@@ -13,7 +13,7 @@ LATE_S = 0.15
 """Longest time in which a window of a motion may wait for it; about what a person needs to respond [s]."""
 
 LEAST = 0.08
-"""A clip whose points move by less in the mean has no onset [leg]: people who stand sway by less."""
+"""A clip whose points move by less in the mean has no onset [leg]: a standing person sways by less."""
 
 TOLD_BY = {"bow": ("shoulder_l", "shoulder_r")}
 """Points by which the onset of a kind is told, where all would mislead: people lay their hands together, stand for a

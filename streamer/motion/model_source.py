@@ -32,8 +32,8 @@ _REACHED_S = 1.0
 goes on to its pose with less noise as well."""
 
 _WALKING, _WALKING_S = 0.3, 0.5
-"""Who is faster than the first [m/s] in the mean over the second [s] walks. Bodies that bow or squat on the spot move
-their pelvis by less."""
+"""A human walks whose mean speed over the second [s] is greater than the first [m/s]. Bows and squats on the spot move
+the pelvis by less."""
 
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later
@@ -384,16 +384,16 @@ class ModelSource:
         return asked
 
     def _walks_on(self, begin: int, condition: Condition) -> bool:
-        """Whether who was asked for a condition of `meant` on the spot, a window ago or longer, still walks there.
+        """Whether the human still walks a window after it was asked for something on the spot (a condition of `meant`).
 
-        Most gestures stop a walk by themselves. People of the data who bow often walk before it, so that a walking
-        human who is asked to bow walks on for good: they are to stand first.
+        Most gestures stop a walk by themselves. People of the data often walk before they bow, so that a human that
+        walks and is asked to bow never stops. It is to stand first.
         """
         requests, begun = self.sampler.requests, self._begun(begin)
         if begun is None or begin - begun[0] < _REACHED_S * self.fps or requests.travels(condition):
             return False
-        past = self._frames(max(begin - round(_WALKING_S * self.fps), self._first), begin).root_position[:, :2]
-        return float(np.hypot(*(past[-1] - past[0]))) > _WALKING * (len(past) - 1) / self.fps
+        past = self._frames(max(begin - round(_WALKING_S * self.fps), self._first), begin)
+        return past.net_speed > _WALKING
 
     def _stand_until(self, before: int) -> None:
         """Replace the motion by standing until frame `before`, at the last position sampled before it."""

@@ -14,7 +14,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
-from flexmotion.streamer.report.report import RunInfo, build_report
+from flexmotion.streamer.report.report import Report, RunInfo, build_report
 from flexmotion.streamer.report.summary import (
     asked_rows,
     failures,
@@ -29,10 +29,13 @@ INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
 
 def text_of(record: RunTrace, figures: RobotFigures, human: HumanTrack | None, width: int = 100) -> str:
-    console = Console(file=io.StringIO(), width=width)
-    console.print(render(build_report(record, INFO, figures, human=human)))
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue()
+    return rendered(build_report(record, INFO, figures, human=human), width)
+
+
+def rendered(report: Report, width: int) -> str:
+    text = io.StringIO()
+    Console(file=text, width=width).print(render(report))
+    return text.getvalue()
 
 
 def test_verdict_comes_first(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
@@ -119,9 +122,7 @@ def test_refusals_are_counted_behind_what_concerns_safety_and_listed(record: Run
         "fault: l_knee: lost",
         "of 33 requests 12 refused and 1 not done whole, listed below",
     ]
-    console = Console(file=io.StringIO(), width=160)
-    console.print(render(report))
-    text = console.file.getvalue()  # type: ignore[attr-defined]
+    text = rendered(report, 160)
     assert "it can:" not in text and "'fly 3' is not understood" in text and "sing" in text
 
     alone = build_report(record, replace(INFO, targets=(*done, refused[0])), figures)
@@ -179,9 +180,7 @@ def test_the_parts_of_the_steps_give_their_sum(counts: tuple[int, int, int | Non
 def test_answers_that_are_not_shown_are_promised_in_no_file(record: RunTrace, figures: RobotFigures) -> None:
     """The words "and 18 more, in report.json" stood in a report without `--report`: there was no such file."""
     asked = tuple(Heard(id=number, asked=f"wave {number}", state="accepted") for number in range(1, 31))
-    console = Console(file=io.StringIO(), width=100)
-    console.print(render(build_report(record, replace(INFO, targets=asked), figures)))
-    text = console.file.getvalue()  # type: ignore[attr-defined]
+    text = rendered(build_report(record, replace(INFO, targets=asked), figures), 100)
     assert "and 18 more: all of them with --report FOLDER or --json" in text and "report.json" not in text
 
 
