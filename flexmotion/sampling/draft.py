@@ -84,7 +84,8 @@ class Draft:
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        motion, slip = planted_slip(decoded, self._feet_before)
+        stays = self._stays(float(np.hypot(*(decoded.root_position[-1, :2] - self.anchor.place))), len(decoded))
+        motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
         return motion if self.pose is None else self.pose.kept(motion), slip
@@ -97,7 +98,8 @@ class Draft:
         pose = WindowPose.of_features(features, self.layout, self.body)
         feet = np.concatenate([self.anchor.local(self._feet_before), pose.feet])
         contacts = features[:, self.layout.blocks["contacts"]] > 0.5
-        holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps).holding
+        stays = self._stays(float(np.hypot(*pose.position[-1, PELVIS, :2])), len(features))
+        holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps, stays).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
         return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
 
@@ -156,14 +158,20 @@ class Draft:
 
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
-        if not self.on_the_spot or motion.wrenches is None or motion.contacts is None:
-            return None
-        arrived = self.history[max(0, len(self.history) - ARRIVING) :].net_speed
-        way = np.hypot(*(motion.root_position[-1, :2] - self.anchor.place))
-        if max(arrived, way * self.layout.fps / len(motion)) > WALKS:
+        way = float(np.hypot(*(motion.root_position[-1, :2] - self.anchor.place)))
+        if motion.wrenches is None or motion.contacts is None or not self._stays(way, len(motion)):
             return None
         feet = np.concatenate([self._feet_before, foot_points(motion)])
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)
+
+    def _stays(self, way: float, frames: int) -> bool:
+        """Whether a body that goes so far [m] in so many frames stays where it is."""
+        return self.on_the_spot and max(self._arrived, way * self.layout.fps / frames) <= WALKS
+
+    @cached_property
+    def _arrived(self) -> float:
+        """Speed at which the body comes into the window [m/s]."""
+        return self.history[max(0, len(self.history) - ARRIVING) :].net_speed
 
     def _accelerations(self, found: Float32) -> Float:
         """Second derivative of the root's path before it was joined to the history, (W, 3) [m/s²]."""

@@ -17,7 +17,8 @@ from scipy.ndimage import convolve1d, maximum_filter1d
 from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.leg_length import lowered
+from flexmotion.sampling.kept_feet import kept
+from flexmotion.sampling.leg_length import lowered, shifted
 from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
@@ -62,26 +63,35 @@ def planted(motion: Motion, past: Motion) -> Motion:
     return planted_slip(motion, foot_points(past[len(past) - 1 :]))[0]
 
 
-def planted_slip(motion: Motion, before: Float) -> tuple[Motion, Slip | None]:
+def planted_slip(motion: Motion, before: Float, staying_from: Float | None = None) -> tuple[Motion, Slip | None]:
     """`planted`, and how its feet slipped before; None where nothing is planted.
 
     Args:
         motion: see `planted`.
         before: heel and toe of both feet in the frame before it, in the world, (1, 2, 2, 3) [m].
+        staying_from: joint angles of that frame, (26,) [rad], where the body stays where it is and legs keep feet that
+            rest; None: it travels.
     """
     if motion.contacts is None or not len(motion):
         return motion, None
     human = forward(motion)
     feet = np.concatenate([before, _feet(human)])
     height = feet[1:, ..., 2].min(axis=2)
-    slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps)
+    stays = staying_from is not None
+    slip = Slip.of(feet, motion.contacts, human.pelvis_rotation, motion.fps, stays)
 
     position = motion.root_position.copy()
     position[:, :2] -= np.cumsum(slip.made_up_for, axis=0) / motion.fps
     lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
     down = _remaining(height + lift[:, None], motion.contacts)
-    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle), slip
+    standing = lowered(replace(motion, root_position=position), down, human.hip, human.ankle)
+    if staying_from is None:
+        return standing, slip
+    feet[1:] += (position - motion.root_position)[:, None, None]
+    feet[1:, ..., 2] -= down[..., None]
+    away = kept(feet, motion.contacts, motion.fps)
+    return shifted(standing, np.pad(away, [(0, 0), (0, 0), (0, 1)]), staying_from), slip
 
 
 def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
@@ -119,7 +129,7 @@ class Slip:
     holds: Float
 
     @classmethod
-    def of(cls, feet: Float, contacts: NDArray[np.bool_], pelvis: Float, fps: float) -> Slip:
+    def of(cls, feet: Float, contacts: NDArray[np.bool_], pelvis: Float, fps: float, stays: bool = False) -> Slip:
         """Of a motion that is not planted yet.
 
         Args:
@@ -127,6 +137,7 @@ class Slip:
             contacts: feet that carry load, (T, 2).
             pelvis: rotation, (T, 3, 3).
             fps: frames per second.
+            stays: whether the body stays where it is: loaded feet are alike, and none glides.
         """
         loaded = contacts.astype(np.float64)
         share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
@@ -136,12 +147,14 @@ class Slip:
         speed = np.linalg.norm(slip, axis=-1)
         height = feet[1:, ..., 2].min(axis=2)
         may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
-        firm = may * np.exp(-speed / CHOOSING)
+        firm = loaded if stays else may * np.exp(-speed / CHOOSING)
         stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
         yaw = continuous_matrix_heading(pelvis)[:, None]
         facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
         ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
         holds = np.clip(1.0 - np.linalg.norm(slip - ahead, axis=-1, keepdims=True) / GLIDING, 0.0, 1.0)
+        if stays:
+            stands, holds = np.ones_like(stands), np.ones_like(holds)
         return cls(slip, share, firm, stands, facing, holds)
 
     @property
