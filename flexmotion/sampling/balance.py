@@ -58,7 +58,7 @@ class Balance:
     floor: float = 1.5
     network: float = 0.3
     ease: float = 3.0
-    rounds: int = 15
+    rounds: int = 10
     margin: float = 0.025
     standing_margin: float = 0.03
     least: float = 0.15

@@ -67,7 +67,8 @@ def test_figures_replace_earlier_ones(card: Path) -> None:
 def test_corrections_are_listed_where_there_are_any(card: Path) -> None:
     assert "## Corrections" not in card.read_text(encoding="utf-8")
     corrections = Corrections(aside=1.5, speeds={"walk": (1.3, 0.0, 0.0)})
-    manifest = read_manifest(FOLDER / MANIFEST).model_copy(update={"corrections": corrections})
+    changes = {"corrections": corrections, "eight_bits": False}
+    manifest = read_manifest(FOLDER / MANIFEST).model_copy(update=changes)
     write_card(card.parent, manifest, Making("stream", 6.6, 4992, 3, {}))
     text = card.read_text(encoding="utf-8")
     assert "flexmotion export TRAINING -o BUNDLE --diffusion --corrections CORRECTIONS\n" in text

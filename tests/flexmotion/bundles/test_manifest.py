@@ -38,16 +38,12 @@ HASH_OF_0_1_0 = "363bd437c93721c6"
 """Hash of that bundle in logs recorded before schema 4."""
 
 
-def of_schema_6(folder: Path) -> tuple[Bundle, Bundle]:
-    """Two copies of the shipped bundle, with corrections that schema 6 has: in the newest schema, and in schema 6."""
+def of_schema_7(folder: Path) -> tuple[Bundle, Bundle]:
+    """Two copies of the shipped bundle, with corrections that schema 7 has: in the newest schema, and in schema 7."""
     corrections = {"aside": 1.5, "speeds": {"run": [2.3, 0.0, 0.0]}}
-    rest = Corrections.model_validate(corrections).model_dump(
-        exclude={"travelling_noise", "spot_noise", "pose_noise", "ahead", "turning", "guidance", "normal_guidance"}
-    )
+    rest = Corrections.model_validate(corrections).model_dump(exclude={"pose_noise", "guidance", "normal_guidance"})
     write_manifest(changed(folder / "new", corrections=corrections).manifest, folder / "new" / MANIFEST)
-    return Bundle(folder / "new"), changed(
-        folder / "6", corrections=rest, schema_="flexmotion.bundle/6", eight_bits=None, personal=None
-    )
+    return Bundle(folder / "new"), changed(folder / "7", corrections=rest, schema_="flexmotion.bundle/7", personal=None)
 
 
 def changed(folder: Path, **fields: Any) -> Bundle:
@@ -72,7 +68,7 @@ def test_a_log_of_schema_3_names_the_bundle_in_the_newest_schema_too(tmp_path: P
 
 
 def test_a_bundle_keeps_its_hashes_in_another_schema(tmp_path: Path) -> None:
-    newest, former = of_schema_6(tmp_path)
+    newest, former = of_schema_7(tmp_path)
     assert former.hash != newest.hash
     assert former.manifest == newest.manifest
     assert former.hash in newest.hashes and set(former.hashes) == set(newest.hashes)
@@ -107,7 +103,7 @@ def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
 
 
 def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
-    newest, former = of_schema_6(tmp_path)
+    newest, former = of_schema_7(tmp_path)
     parts, _ = pack(ModelSource(Sampler(former), [Item(0.0, Text("walk"))], "walk"))
     assert parts["hash"] == former.hash != newest.hash
     reopened = unpack(parts | {"bundle": str(newest.folder)}, {}, Path("run.mcap"))
@@ -171,20 +167,18 @@ def test_speeds_of_unknown_kinds_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) -> None:
-    # As sampled: how a window is balanced depends on whether its words are known to be done on the spot.
-    bundles = changed(tmp_path / "plain", corrections=None), Bundle(FOLDER)
-    plain, shipped = (Sampler(one, balanced=False) for one in bundles)
+    plain, shipped = (Sampler(one) for one in (changed(tmp_path / "plain", corrections=None), Bundle(FOLDER)))
     assert plain.bundle.manifest.corrections == Corrections()
     history, slow = plain.standing(), Pace(ahead=0.5, back=0.4, aside=0.2, turning=1.0)
     # Words are not slowed where their speed is unknown; velocities are.
     assert plain.meant(Condition("walk forward", pace=slow)).velocity is None
     assert shipped.meant(Condition("walk forward", pace=slow)).velocity == (0.5, 0.0, 0.0)
     assert plain.meant(Condition(velocity=(1.0, 0.0, 0.0), pace=slow)).velocity == (0.5, 0.0, 0.0)
-    # A motion without corrections is the same, others differ.
+    # A motion without corrections is the same as decoded (its feet stay where words are known to be done on the spot).
     wave = Condition("wave with the right hand", manner_guidance=1.0)
     for condition, same in ((wave, True), (Condition(), False), (Condition(velocity=(0, 0.2, 0)), False)):
-        one, other = (sampler.sample(history, condition, seed=1) for sampler in (plain, shipped))
-        assert np.array_equal(one.joints, other.joints) == same
+        one, other = (sampler.features(history, condition, seed=1) for sampler in (plain, shipped))
+        assert np.array_equal(one, other) == same
     velocity = plain._inputs["velocity"][0] * [plain.body.leg, plain.body.leg, 1.0]
     np.testing.assert_allclose(velocity, [0.0, 0.2, 0.0], atol=1e-6)
 
