@@ -88,11 +88,12 @@ class SourceTurns:
 
     def to_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next."""
-        assert runner.wanted is not None
         frame, played, yaw = self._played(current, join)
+        wanted = runner.wanted_from(frame + 1)
+        assert wanted is not None
         if runner.facing:  # only of a robot that stands
             played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
-        runner.source.change(runner.wanted, frame, played, yaw)
+        runner.source.change(wanted, frame, played, yaw)
         runner.changed()
 
     def to_person(self, source: MirrorSource, current: Plan | None, join: int) -> None:

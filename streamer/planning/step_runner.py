@@ -121,6 +121,13 @@ class StepRunner:
             return False
         return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
 
+    def wanted_from(self, frame: int) -> Intent | None:
+        """What the human changes to at a frame: what is wanted, or an item of a script that has begun by then."""
+        coming = self.source.program_at(frame)
+        if coming is None or self._program is None or coming[1].number == self._program.number:
+            return self.wanted
+        return coming[1].steps[0].begins
+
     def changed(self) -> None:
         """The human changes to what is wanted."""
         self.wanted, self.facing, self.resting, self.over = None, 0.0, False, False

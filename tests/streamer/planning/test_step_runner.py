@@ -356,6 +356,16 @@ def test_a_script_goes_on_while_the_robot_rests() -> None:
     assert robot.runner.wanted == WAVE.intent
 
 
+def test_an_item_that_begins_with_a_change_is_not_lost() -> None:
+    """A robot that lowered its arms for "stand still" as "take a bow" began never bowed: the change came after it."""
+    bow = program(BOW, number=2)
+    robot = Robot((0, program(TURN, WAVE)), (120, bow))
+    robot.run(3.9, turn=0.4)
+    runner = robot.runner
+    assert runner.wanted_from(119) == runner.wanted
+    assert runner.wanted_from(120) == BOW.intent
+
+
 def test_an_open_program_is_left_alone() -> None:
     open_step = Step(Text("walk"), "walk", None, (1, 0), 0, None, HeardStep(text="walk", heard_as="walk"))
     robot = Robot((0, program(open_step)))
