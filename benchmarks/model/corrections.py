@@ -122,7 +122,7 @@ def of_people(found: MotionSet, fps: float, body: Body) -> dict[str, float]:
 
 
 def as_people(speeds: Mapping[str, Velocity], people: Mapping[str, float]) -> dict[str, Velocity]:
-    """Velocities of kinds, of those straight ahead with the speed of people; turns and ways back are the model's own."""
+    """Velocities of kinds, those straight ahead at the speed of people; turns and ways back are the model's own."""
     return {
         kind: (people.get(kind, ahead), 0.0, 0.0) if ahead > 0.0 and not turning else (ahead, aside, turning)
         for kind, (ahead, aside, turning) in speeds.items()

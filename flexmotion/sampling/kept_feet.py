@@ -15,6 +15,7 @@ from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.sole import NEARNESS
 
 Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 LIFTED = 0.1
 """A foot that is said to carry load does, up to this height of the lower of heel and toe [m]: planting leaves feet that
@@ -29,23 +30,38 @@ SMOOTH = np.array([0.25, 0.5, 0.25])
 """Filter over frames."""
 
 
-def kept(feet: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
-    """How far each foot is moved to stay where it rests, on the floor, (T, 2, 2) [m].
-
-    A foot that rests before the first frame stays there; one that comes to rest stays where it does.
+def resting(feet: Float, contacts: Flags, fps: float) -> Flags:
+    """Feet that rest, whatever their speed where they carry load, (T, 2).
 
     Args:
         feet: heel and toe of both feet in the frame before, then in each frame, (T + 1, 2, 2, 3) [m].
         contacts: feet that carry load, (T, 2).
         fps: frames per second.
     """
-    place, height = feet[..., :2].mean(axis=2), feet[1:, ..., 2].min(axis=2)
-    speed = np.linalg.norm(derivative(place, fps)[1:], axis=-1)
-    rests = (height < np.where(contacts, LIFTED, NEARNESS.height)) & (contacts | (speed < SWINGS))
+    height = feet[1:, ..., 2].min(axis=2)
+    speed = np.linalg.norm(derivative(_places(feet), fps)[1:], axis=-1)
+    return np.asarray((height < np.where(contacts, LIFTED, NEARNESS.height)) & (contacts | (speed < SWINGS)))
+
+
+def kept(feet: Float, rests: Flags, fps: float) -> Float:
+    """How far each foot is moved to stay where it rests, on the floor, (T, 2, 2) [m].
+
+    A foot that rests before the first frame stays there; one that comes to rest stays where it does.
+
+    Args:
+        feet, fps: see `resting`.
+        rests: its result.
+    """
     back = np.exp(-1.0 / (RETURNS_S * fps))
-    moved, steps = np.zeros((len(feet), 2, 2)), np.diff(place, axis=0)
+    moved, steps = np.zeros((len(feet), 2, 2)), np.diff(_places(feet), axis=0)
     for frame, (own, still) in enumerate(zip(steps, rests[..., None], strict=True)):
         moved[frame + 1] = np.where(still, moved[frame] - own, back * moved[frame])
     far = np.linalg.norm(moved, axis=-1, keepdims=True) / FARTHEST
     smooth: Float = convolve1d(moved / np.maximum(far, 1.0), SMOOTH, axis=0, mode="nearest")
     return smooth[1:]
+
+
+def _places(feet: Float) -> Float:
+    """Middles of heel and toe on the floor, (T + 1, 2, 2) [m]."""
+    found: Float = feet[..., :2].mean(axis=2)
+    return found

@@ -17,7 +17,7 @@ from scipy.ndimage import convolve1d, maximum_filter1d
 from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.kept_feet import kept
+from flexmotion.sampling.kept_feet import LIFTED, kept, resting
 from flexmotion.sampling.leg_length import lowered, shifted
 from flexmotion.spatial.heading import continuous_matrix_heading
 
@@ -84,14 +84,15 @@ def planted_slip(motion: Motion, before: Float, staying_from: Float | None = Non
     position[:, :2] -= np.cumsum(slip.made_up_for, axis=0) / motion.fps
     lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
-    down = _remaining(height + lift[:, None], motion.contacts)
-    standing = lowered(replace(motion, root_position=position), down, human.hip, human.ankle)
+    height += lift[:, None]
+    found = replace(motion, root_position=position)
     if staying_from is None:
-        return standing, slip
+        return lowered(found, _remaining(height, motion.contacts), human.hip, human.ankle), slip
     feet[1:] += (position - motion.root_position)[:, None, None]
-    feet[1:, ..., 2] -= down[..., None]
-    away = kept(feet, motion.contacts, motion.fps)
-    return shifted(standing, np.pad(away, [(0, 0), (0, 0), (0, 1)]), staying_from), slip
+    rests = resting(feet, motion.contacts, motion.fps)
+    down = _remaining(height, rests, LIFTED)
+    away = np.concatenate([kept(feet, rests, motion.fps), -down[..., None]], axis=-1)
+    return shifted(found, away, staying_from), slip
 
 
 def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
@@ -224,16 +225,16 @@ def _summing(frames: int) -> Float:
     return found
 
 
-def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:
+def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> Float:
     """Distances by which the legs lower the feet: loaded feet to the floor, all feet out of it, (T, 2) [m]."""
-    down = _spread(np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0))
-    found: Float = np.minimum(down, np.maximum(height, 0.0)) - _spread(np.maximum(-height - SUNK, 0.0))
+    down = _spread(np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0), most)
+    found: Float = np.minimum(down, np.maximum(height, 0.0)) - _spread(np.maximum(-height - SUNK, 0.0), MOST)
     return found
 
 
-def _spread(amount: Float) -> Float:
+def _spread(amount: Float, most: float) -> Float:
     """The correction spread over neighbouring frames, so that no foot drops or rises within one, (T, 2)."""
-    reaching = maximum_filter1d(np.minimum(amount, MOST), len(ALONG), axis=0)
+    reaching = maximum_filter1d(np.minimum(amount, most), len(ALONG), axis=0)
     spread: Float = convolve1d(reaching, ALONG, axis=0, mode="nearest")
     return spread
 

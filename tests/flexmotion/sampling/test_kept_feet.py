@@ -11,7 +11,7 @@ from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import foot_points
 from flexmotion.sampling.condition import Condition
-from flexmotion.sampling.kept_feet import FARTHEST, kept
+from flexmotion.sampling.kept_feet import FARTHEST, kept, resting
 from flexmotion.streamer.api import open_sampler
 
 FPS, FRAMES = 30.0, 32
@@ -25,6 +25,11 @@ def standing() -> np.ndarray:
     return feet
 
 
+def moves(feet: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+    """How far the feet are moved, (W, 2, 2) [m]."""
+    return kept(feet, resting(feet, contacts, FPS), FPS)
+
+
 def ramp(start: int, stop: int) -> np.ndarray:
     """0 up to a frame, 1 from another one on, (1 + W, 1)."""
     return np.clip((np.arange(1 + FRAMES) - start) / (stop - start), 0.0, 1.0)[:, None]
@@ -36,7 +41,7 @@ def test_a_loaded_foot_stays_whatever_its_speed(slides: tuple[float, ...], frame
     # Bows slid loaded feet apart by .3 m at .9 m/s, and the robot stepped after them.
     feet = standing()
     feet[..., :2] += ramp(2, 2 + frames)[..., None, None] * np.array(slides).reshape(2, 1, 2)
-    moved = kept(feet, LOADED, FPS)
+    moved = moves(feet, LOADED)
     away = feet[1:, :, 0, :2] + moved - feet[0, :, 0, :2]
     within = np.linalg.norm(feet[1:, :, 0, :2] - feet[0, :, 0, :2], axis=-1) < FARTHEST
     # A slide that begins at full speed is smoothed over a frame.
@@ -51,7 +56,7 @@ def test_a_foot_that_steps_lands_where_it_is_then_and_stays() -> None:
     feet[:, 0, :, 0] += 0.1 * ramp(14, 32)  # and slides on
     loaded = LOADED.copy()
     loaded[3:12, 0] = False
-    moved = kept(feet, loaded, FPS)
+    moved = moves(feet, loaded)
     place = feet[1:, 0, 0, 0] + moved[:, 0, 0]
     assert np.ptp(place[13:]) < 0.01
     assert place[-1] == pytest.approx(0.4, abs=0.06)  # the way of a frame
@@ -65,7 +70,7 @@ def test_a_foot_that_lifts_returns_to_its_path() -> None:
     feet[:, 1, :, 2] = 0.2 * lifts
     loaded = LOADED.copy()
     loaded[14:, 1] = False
-    moved = kept(feet, loaded, FPS)
+    moved = moves(feet, loaded)
     assert moved[12, 1, 0] == pytest.approx(-0.15, abs=0.01)
     assert abs(moved[-1, 1, 0]) < 0.02
     assert np.abs(np.diff(moved[:, 1, 0])).max() < 0.05
@@ -77,8 +82,8 @@ def test_a_foot_near_the_floor_that_carries_nothing_stays_unless_it_swings() -> 
     slow, fast = standing(), standing()
     slow[:, 0, :, 0] += 0.1 * ramp(4, 12)
     fast[:, 0, :, 0] += 0.4 * ramp(4, 10)
-    assert kept(slow, idle, FPS)[-1, 0, 0] == pytest.approx(-0.1, abs=1e-6)
-    assert abs(kept(fast, idle, FPS)[-1, 0, 0]) < 0.2
+    assert moves(slow, idle)[-1, 0, 0] == pytest.approx(-0.1, abs=1e-6)
+    assert abs(moves(fast, idle)[-1, 0, 0]) < 0.2
 
 
 @pytest.mark.skipif(shipped_bundle() is None, reason="needs the shipped bundle")
