@@ -36,8 +36,8 @@ class Corrections(Strict):
         catch_up: share of the velocity that the history lacks which is added to the request, forward, and sideways
             where a sideways velocity is asked for.
         catch_up_limit: greatest velocity that `catch_up` adds [m/s]; `catch_up` needs one.
-        speeds: velocity of a kind of motion without a velocity, by kind: that of people, which a course asks for, or
-            that at which the model moves by words alone. A kind without one cannot be slowed to a `Pace`.
+        speeds: velocity at which the model moves for a kind of motion without a velocity, by kind. A kind
+            without one cannot be slowed to a `Pace`.
         guidance: scale of the guidance of kinds that need another than the bundle's: with more of it gestures are made
             more surely, and poses beyond what people do.
         normal_guidance: scale of the guidance of the normal manner; None: that of other manners, which need more of it.

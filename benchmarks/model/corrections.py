@@ -3,17 +3,14 @@
 They are fitted to samples from standing, by a few rounds over velocities: what is asked for changes by a share of what
 the samples lack; the round with the least error is kept, and judged on other samples. First forward velocities and
 turning, then the gain of sideways ones and the forward velocity and turning that come with them. `speeds` is the median
-velocity of every kind of motion that travels, asked for by its wordings alone; of kinds that go straight ahead it is
-that of people with `--set`, of their clips in the normal manner where there are any, since two steps of a diffusion are
-slower than the clips that it has learnt from. The other corrections stay as they are.
+velocity of every kind of motion that travels, asked for by its wordings alone. The other corrections stay as they are.
 `--write` puts the found ones into the bundle, whatever the verdict. Fails where velocities are missed by more than .15
 m/s or .2 rad/s in the mean.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -24,8 +21,6 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.model.posture_figures import on_body
-from benchmarks.model.real_clips import kind_of, real_clips
 from benchmarks.model.roll_out import always, roll_out
 from benchmarks.shared.judges import frame_velocities
 from benchmarks.shared.model import open_bundle
@@ -35,17 +30,11 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.configs.corrections import Corrections, Velocity
 from flexmotion.configs.errors import ConfigError
-from flexmotion.dataset.compact_set import MotionSet, open_set
-from flexmotion.human.body import Body
-from flexmotion.sampling.course import MEASURED_S
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.text import phrases
-from flexmotion.text.manners import NORMAL
 from flexmotion.text.sides import mirrored
 
 Float = NDArray[np.float64]
-
-SetOption = Annotated[Path | None, typer.Option("--set", help="Training set, for the speeds of people.")]
 
 WORDINGS = 6
 """Of a kind of motion, of those that it has."""
@@ -65,8 +54,6 @@ MOST_GAIN, MOST_SHIFT = 3.0, 0.8
 LIMITS = 0.15, 0.2
 SETTLE_S = 1.0
 """Time in which a body speeds up [s]."""
-FEWEST = 5
-"""Clips in the normal manner without which those in all manners tell how fast people are."""
 GRID = 0.05
 """Corrections are rounded to this: samples do not tell them more finely."""
 
@@ -102,31 +89,6 @@ def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity
         if abs(forward) > TRAVELS:
             found[kind] = (forward, 0.0, turning if abs(turning) > TURNS else 0.0)
     return {kind: _even(own, found.get(mirrored(kind), own)) for kind, own in found.items()}
-
-
-def of_people(found: MotionSet, fps: float, body: Body) -> dict[str, float]:
-    """Median speed of the clips of each kind over a gait cycle, on a body [m/s]; left and right together."""
-    every, normal, cycle = defaultdict(list), defaultdict(list), round(MEASURED_S * fps)
-    for split in ("train", "validation"):
-        for clip, motion in real_clips(found, split, fps):
-            path = on_body(motion, body).root_position[:, :2]
-            if len(path) <= cycle:
-                continue
-            speed = float(np.median(np.linalg.norm(path[cycle:] - path[:-cycle], axis=1))) / MEASURED_S
-            for kind in {kind_of(clip), mirrored(kind_of(clip))}:
-                every[kind].append(speed)
-                if clip.info["labels"].get("style") == NORMAL:
-                    normal[kind].append(speed)
-    chosen = {kind: normal[kind] if len(normal[kind]) >= FEWEST else speeds for kind, speeds in every.items()}
-    return {kind: _rounded(float(np.median(speeds))) for kind, speeds in chosen.items() if len(speeds) >= FEWEST}
-
-
-def as_people(speeds: Mapping[str, Velocity], people: Mapping[str, float]) -> dict[str, Velocity]:
-    """Velocities of kinds, those straight ahead at the speed of people; turns and ways back are the model's own."""
-    return {
-        kind: (people.get(kind, ahead), 0.0, 0.0) if ahead > 0.0 and not turning else (ahead, aside, turning)
-        for kind, (ahead, aside, turning) in speeds.items()
-    }
 
 
 def _even(own: Velocity, image: Velocity) -> Velocity:
@@ -220,7 +182,6 @@ def main(
     bundle: BundleArgument = None,
     samples: Annotated[int, typer.Option(min=1, help="Of each kind and each velocity.")] = 8,
     seconds: Annotated[float, typer.Option(min=0.5, help="Length of the judged motion [s].")] = 4.0,
-    found_set: SetOption = None,
     write: WriteOption = False,
 ) -> Outcome:
     """Fit the corrections of a bundle."""
@@ -237,10 +198,7 @@ def main(
             sentence = f"{name}: missed by {least[place]:.3f} {unit} (<= {LIMITS[place]}; before {told[place]:.3f})"
             verdicts.append(Verdict(sentence, least[place] <= LIMITS[place]))
         figures[f"{name}_errors"] = list(least)
-    own = speeds(sampler_with(opened, best), samples, seconds)
-    if found_set is not None:
-        own = as_people(own, of_people(open_set(found_set), opened.layout.fps, opened.body))
-    best = best.model_copy(update={"speeds": own})
+    best = best.model_copy(update={"speeds": speeds(sampler_with(opened, best), samples, seconds)})
     console = Console(width=120)
     console.print(table)
     console.print_json(data=best.model_dump())

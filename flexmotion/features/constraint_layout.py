@@ -14,7 +14,7 @@ from functools import cached_property
 from types import ModuleType
 from typing import Any
 
-from flexmotion.features.joint_groups import ROTATION_SIZE
+from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, ROTATION_SIZE
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
 from flexmotion.human.skeleton import JOINTS, SIDES
 
@@ -34,6 +34,13 @@ BLOCKS: dict[str, int] = {
     CENTRES: 2 * len(SIDES),  # of pressure of left and right foot, forward and left [leg]
 }
 """Sizes of the blocks, in order; `activations` follow where the layout has muscles."""
+
+LEG_POINTS = [place for place, name in enumerate(POINTS) if name.split("_")[0] in ("knee", "ankle", "heel", "toe")]
+"""Points of the legs among `layout.POINTS`, without the hips."""
+LEG_ROTATIONS = [
+    PELVIS_SIZE + 6 * ball + column for ball, names in enumerate(BALLS) if "hip" in names[0] for column in range(6)
+] + [PELVIS_SIZE + 6 * len(BALLS) + place for place, name in enumerate(HINGES) if "knee" in name or "ankle" in name]
+"""Columns of the legs in a block of rotations."""
 
 TOLERANCES: dict[str, float] = {
     PATH: 0.01,

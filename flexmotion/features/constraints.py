@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexmotion.features.constraint_layout import (
     CENTRES,
     FORCES,
+    LEG_POINTS,
+    LEG_ROTATIONS,
     PATH,
     PLACES,
     ROTATIONS,
@@ -97,6 +99,14 @@ class Constraints:
     def of_frames(self) -> bool:
         """Whether anything is asked of single frames."""
         return bool(self.mask.any())
+
+    @property
+    def of_legs(self) -> bool:
+        """Whether a path, or places or angles of legs, are asked of single frames."""
+        blocks = self.layout.blocks
+        places = self.mask[:, blocks[PLACES]].reshape(len(self.mask), -1, 3)[:, LEG_POINTS]
+        angles = self.mask[:, blocks[ROTATIONS]][:, LEG_ROTATIONS]
+        return bool(self.mask[:, blocks[PATH]].any() or places.any() or angles.any())
 
     def place(self, point: str, frames: Frames, place: ArrayLike) -> Constraints:
         """A point of the body is at a place.

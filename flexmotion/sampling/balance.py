@@ -67,13 +67,13 @@ class Balance:
 
 BALANCE = Balance()
 
-LIGHT = 0.25
+LIGHT = 0.1
 """With less vertical force than this share of the body's weight a frame has no zero-moment point to speak of."""
 
 RELAXED = 1.6
 """Over-relaxation of the method: 1.5 to 1.8 is usual (Boyd et al., 3.4.3)."""
 
-FASTEST = 2.0
+FASTEST = 4.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
 
 _NORMALS = np.ascontiguousarray(OUTWARD.T)

@@ -26,6 +26,7 @@ from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.limb_closing import LEG, closed, staying
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
+from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
@@ -57,6 +58,7 @@ class Draft:
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
+        keeps_feet: whether they are in the planted window already: nothing else is asked of the legs.
         pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
     """
@@ -68,6 +70,7 @@ class Draft:
     balanced: bool
     rest: Float | None
     on_the_spot: bool
+    keeps_feet: bool
     pose: KeptPose | None
     source: str
 
@@ -77,14 +80,20 @@ class Draft:
         return Anchor.after(self.history)
 
     def joined(self, found: Float32) -> Float32:
-        """Decoded features that continue the history, low-passed where windows are balanced, (W, F)."""
+        """Decoded features that continue the history, low-passed where windows are balanced, (W, F).
+
+        Legs of a body that travels end at their ankles' places.
+        """
         features = inertialised(found, self.remembered, self.layout)
-        return steadied(features, self.remembered, self.layout) if self.balanced else features
+        if self.balanced:
+            features = steadied(features, self.remembered, self.layout)
+        return features if self.on_the_spot else placed(features, self.layout, self.body)
 
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        stays = self._stays(float(np.hypot(*(decoded.root_position[-1, :2] - self.anchor.place))), len(decoded))
+        way = float(np.hypot(*(decoded.root_position[-1, :2] - self.anchor.place)))
+        stays = self.keeps_feet and self._stays(way, len(decoded))
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
@@ -93,12 +102,13 @@ class Draft:
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.
 
-        It takes half of the time; legs are neither stretched nor bent.
+        It takes half of the time; legs are as they were decoded.
         """
         pose = WindowPose.of_features(features, self.layout, self.body)
         feet = np.concatenate([self.anchor.local(self._feet_before), pose.feet])
         contacts = features[:, self.layout.blocks["contacts"]] > 0.5
-        stays = self._stays(float(np.hypot(*pose.position[-1, PELVIS, :2])), len(features))
+        way = float(np.hypot(*pose.position[-1, PELVIS, :2]))
+        stays = self.keeps_feet and self._stays(way, len(features))
         holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps, stays).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
         return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding

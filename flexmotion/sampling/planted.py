@@ -18,7 +18,8 @@ from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.kept_feet import LIFTED, kept, resting
-from flexmotion.sampling.leg_length import lowered, shifted
+from flexmotion.sampling.leg_length import lowered
+from flexmotion.sampling.leg_reach import shifted
 from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
@@ -90,9 +91,9 @@ def planted_slip(motion: Motion, before: Float, staying_from: Float | None = Non
         return lowered(found, _remaining(height, motion.contacts), human.hip, human.ankle), slip
     feet[1:] += (position - motion.root_position)[:, None, None]
     rests = resting(feet, motion.contacts, motion.fps)
-    down = _remaining(height, rests, LIFTED)
-    away = np.concatenate([kept(feet, rests, motion.fps), -down[..., None]], axis=-1)
-    return shifted(found, away, staying_from), slip
+    standing = lowered(found, _remaining(height, rests, LIFTED), human.hip, human.ankle)
+    away = np.pad(kept(feet, rests, motion.fps), [(0, 0), (0, 0), (0, 1)])
+    return shifted(standing, away, staying_from), slip
 
 
 def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:

@@ -178,8 +178,8 @@ class Sampler:
 
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
         """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
-        free = condition.constrained is None or not condition.constrained.of_frames
-        meant = self.meant(condition)
+        asked, meant = condition.constrained, self.meant(condition)
+        free = asked is None or not asked.of_frames
         return Draft(
             layout=self.layout,
             body=self.body,
@@ -188,6 +188,7 @@ class Sampler:
             balanced=self.balanced,
             rest=self._rest if free and self.requests.stands(meant) else None,
             on_the_spot=not self.requests.travels(meant),
+            keeps_feet=asked is None or not asked.of_legs,
             pose=condition.pose,
             source=self._source,
         )

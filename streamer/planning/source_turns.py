@@ -91,7 +91,7 @@ class SourceTurns:
         frame, played, yaw = self._played(current, join)
         wanted = runner.wanted_from(frame + 1)
         assert wanted is not None
-        if runner.facing:  # only of a robot that stands
+        if runner.facing and wanted is runner.wanted:  # only of a robot that stands
             played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
         runner.source.change(wanted, frame, played, yaw)
         runner.changed()

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.features.constraints import Constraints
+from flexmotion.features.decode import Anchor
 from flexmotion.human.concatenate import concatenate
-from flexmotion.human.kinematics import foot_points
+from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.kept_feet import FARTHEST, kept, resting
 from flexmotion.streamer.api import open_sampler
@@ -87,13 +89,26 @@ def test_a_foot_near_the_floor_that_carries_nothing_stays_unless_it_swings() -> 
 
 
 @pytest.mark.skipif(shipped_bundle() is None, reason="needs the shipped bundle")
-@pytest.mark.parametrize("text", ["take a bow", "say goodbye", "squat"])
-def test_people_who_stay_do_not_slide(text: str) -> None:
-    # Feet of a bow moved by .4 m, those of a goodbye crossed, as the model's stance is not the one it begins with.
+@pytest.mark.parametrize(("text", "most"), [("take a bow", 0.06), ("say goodbye", 0.06), ("squat", 0.02)])
+def test_people_who_stay_do_not_slide(text: str, most: float) -> None:
+    # Feet of a bow and of a goodbye moved by .19 m, those of a squat by .04: it is not the stance of the model.
     sampler = open_sampler()
     motion = sampler.standing()
     begin = len(motion)
     for window in range(4):
         motion = concatenate([motion, sampler.sample(motion, Condition(text), window)])
     place = foot_points(motion[begin - 1 :])[..., :2].mean(axis=2)
-    assert np.linalg.norm(place - place[0], axis=-1).max() < 0.06
+    assert np.linalg.norm(place - place[0], axis=-1).max() < most
+
+
+@pytest.mark.skipif(shipped_bundle() is None, reason="needs the shipped bundle")
+@pytest.mark.parametrize("text", ["stand still", "wave with the right hand"])
+def test_a_foot_that_is_asked_elsewhere_goes_there(text: str) -> None:
+    """Legs that kept a foot undid what the solver had moved it by: it ended 32 cm from where it was asked to be."""
+    sampler = open_sampler()
+    history = sampler.standing()
+    asked = Constraints.none(sampler.layout, sampler.body, sampler.future)
+    asked = asked.place("ankle_l", range(24, 32), (0.35, 0.1, np.nan))
+    found = sampler.sample(history, Condition(text, constraints=asked), 1)
+    ankle = Anchor.after(history).local(forward(found).ankle[24:, 0])
+    assert np.linalg.norm(ankle[:, :2] - (0.35, 0.1), axis=-1).max() < 0.05

@@ -11,7 +11,8 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.default_clip import default_clip
-from flexmotion.sampling.planted import planted
+from flexmotion.sampling.kept_feet import LIFTED
+from flexmotion.sampling.planted import planted, planted_slip
 from flexmotion.spatial.heading import continuous_matrix_heading
 
 FRAMES = 32
@@ -165,3 +166,18 @@ def test_no_foot_penetrates_the_floor(standing: Motion) -> None:
     for loaded in (True, False):
         found = planted(replace(sunk, contacts=np.full((FRAMES, 2), loaded)), standing[:1])
         assert feet(found)[6:, ..., 2].min() > -0.012
+
+
+def test_a_loaded_foot_that_hovers_comes_down_where_the_body_stays(standing: Motion) -> None:
+    """A bow left a foot that carried load 5 cm above the floor, and the robot took its way down for a step."""
+    knees = standing.joints.copy()
+    knees[1:, JOINTS.index("knee_flexion_r")] += 0.9
+    knees[1:, JOINTS.index("hip_flexion_r")] += 0.45
+    hovers = replace(standing, joints=knees)
+    before = feet(standing[:1])
+    height = feet(hovers[1:])[:, 1, :, 2].min()
+    assert 0.06 < height < LIFTED
+    stays, _ = planted_slip(hovers[1:], before, standing.joints[0])
+    travels, _ = planted_slip(hovers[1:], before)
+    low = [feet(one)[16:, 1, :, 2].min(axis=1).max() for one in (stays, travels)]
+    assert low[0] < 0.022 < low[1]

@@ -19,6 +19,7 @@ from flexmotion.streamer.motion.intents import Heading, Text, Velocity
 from flexmotion.streamer.motion.programs import Program, Step
 from flexmotion.streamer.planning.navigator import STANDING
 from flexmotion.streamer.planning.robot_size import RobotSize
+from flexmotion.streamer.planning.source_turns import SourceTurns
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.text.amounts import Amount
 
@@ -356,14 +357,32 @@ def test_a_script_goes_on_while_the_robot_rests() -> None:
     assert robot.runner.wanted == WAVE.intent
 
 
-def test_an_item_that_begins_with_a_change_is_not_lost() -> None:
+class Joins:
+    """Where a plan joins, for `SourceTurns`: the human goes on from a frame, and looks ahead."""
+
+    def __init__(self, frame: int) -> None:
+        self.frame = frame
+
+    def first_frame(self, join: int, current: None) -> int:
+        return self.frame
+
+    def human_yaw(self, join: int, current: None) -> float:
+        return 0.0
+
+
+@pytest.mark.parametrize(("frame", "bows"), [(118, False), (119, True), (125, True)])
+def test_an_item_that_begins_with_a_change_is_not_lost(frame: int, bows: bool) -> None:
     """A robot that lowered its arms for "stand still" as "take a bow" began never bowed: the change came after it."""
-    bow = program(BOW, number=2)
-    robot = Robot((0, program(TURN, WAVE)), (120, bow))
+    robot = Robot((0, program(TURN, WAVE)), (120, program(BOW, number=2)))
     robot.run(3.9, turn=0.4)
-    runner = robot.runner
-    assert runner.wanted_from(119) == runner.wanted
-    assert runner.wanted_from(120) == BOW.intent
+    runner, changes = robot.runner, []
+    runner.wanted, runner.facing = STANDING, 0.15
+    runner.source.change = lambda *change: changes.append(change)  # type: ignore[method-assign]
+    turns: Any = SourceTurns(Joins(frame), runner, None, print)  # type: ignore[arg-type]
+    turns.to_step(runner, None, 0)
+    # What the change was for looks aside, the bow does not.
+    assert changes == [(BOW.intent if bows else STANDING, frame, None, 0.0 if bows else 0.15)]
+    assert runner.wanted is None
 
 
 def test_an_open_program_is_left_alone() -> None:

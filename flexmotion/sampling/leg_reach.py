@@ -1,0 +1,110 @@
+"""Legs that bring their ankles or soles to places, in closed form: `reached`, `shifted`.
+
+The knee gives the distance of hip and ankle by the law of cosines, the hip turns the leg by the least rotation, and the
+ankle keeps the pitch of the foot, since it has that axis alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.human.vectors import cross, unit
+from flexmotion.sampling.leg_length import MOST_BENT, STRAIGHT, leg_length
+from flexmotion.spatial.rotations import matrices
+
+Float = NDArray[np.float64]
+
+TILTS = 3
+"""Times that a leg is solved for its sole, which tilts with it: moved by .1 m it is 17 mm off, then 3, then .5."""
+AHEAD = np.array([1.0, 0.0, 0.0])
+
+_KNEES, _ANKLES = (
+    [JOINTS.index(f"{name}_{side}") for side in SIDES] for name in ("knee_flexion", "ankle_dorsiflexion")
+)
+_HIPS = [[ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES]
+
+
+def reached(body: Body, hips: Float, knees: Float, ankles: Float, wanted: Float) -> tuple[Float, Float, Float]:
+    """Rotations of the hips, (T, 2, 3, 3), and angles of knees and ankles, (T, 2) each, of legs that reach to ankles.
+
+    Args:
+        body: of the human.
+        hips: rotations of left and right hip in the pelvis, (T, 2, 3, 3).
+        knees, ankles: flexion and dorsiflexion, (T, 2) [rad].
+        wanted: from the hips to the ankles in the axes of the pelvis, (T, 2, 3) [m].
+    """
+    thigh, shank = body.segments.thigh, body.segments.shank
+    least, most = (leg_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
+    own = leg_length(thigh, shank, knees)
+    distance = np.sqrt(np.einsum("tsi,tsi->ts", wanted, wanted))
+    distance = np.clip(distance, np.minimum(least, own), np.maximum(most, own))
+    cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+    bent = np.arccos(np.clip(cosine, -1.0, 1.0))
+    found = _least_rotation(unit(turned(hips, leg(body, bent))), unit(wanted)) @ hips
+    pitch = knees - ankles
+    ahead = turned(found.swapaxes(-1, -2), turned(hips, pitched(pitch, AHEAD)))
+    more = np.arctan2(-ahead[..., 2], ahead[..., 0]) - pitch
+    return found, bent, bent - pitch - (more - 2 * np.pi * np.round(more / (2 * np.pi)))
+
+
+def shifted(motion: Motion, by: Float, before: Float) -> Motion:
+    """The motion with the middle of its soles moved by `by`, as far as the legs reach; feet keep their pitch.
+
+    Args:
+        motion: with knees that do not bend backward, as `lowered` leaves them.
+        by: of left and right foot, (T, 2, 3) [m].
+        before: joint angles of the frame before the first, (26,) [rad].
+    """
+    body, segments = motion.body, motion.body.segments
+    sole = np.array([0.5 * (segments.ball - segments.heel), 0.0, -segments.ankle_height])
+    balls = ball_matrices(motion.joints)
+    hips, knees, ankles = balls[:, _HIPS], motion.joints[:, _KNEES], motion.joints[:, _ANKLES]
+    # From hip to ankle, and from there to the sole, in the axes of the pelvis.
+    own, beyond = turned(hips, leg(body, knees)), turned(hips, pitched(knees - ankles, sole))
+    moves = np.asarray(by.any(axis=-1))
+    by = turned(matrices(motion.root_quaternion)[:, None].swapaxes(-1, -2), by)
+    found, bent, dorsal, foot = hips, knees, ankles, beyond
+    for _ in range(TILTS):
+        found, bent, dorsal = reached(body, hips, knees, ankles, own + by + beyond - foot)
+        foot = turned(found, pitched(bent - dorsal, sole))
+    balls[:, _HIPS] = np.where(moves[..., None, None], found, hips)
+    joints = motion.joints.copy()
+    joints[:, BALL_COLUMNS[_HIPS]] = ball_angles(balls, before[BALL_COLUMNS])[:, _HIPS]
+    joints[:, _KNEES] = np.where(moves, bent, knees)
+    joints[:, _ANKLES] = np.where(moves, dorsal, ankles)
+    return replace(motion, joints=joints)
+
+
+def leg(body: Body, knees: Float) -> Float:
+    """From hip to ankle in the axes of the thigh, (..., 3) [m], at knee angles (...) [rad]."""
+    thigh, shank = body.segments.thigh, body.segments.shank
+    return np.stack([-shank * np.sin(knees), np.zeros_like(knees), -thigh - shank * np.cos(knees)], axis=-1)
+
+
+def pitched(pitch: Float, vector: Float) -> Float:
+    """A vector (3,) turned about the left axis by angles (...) [rad], (..., 3)."""
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    x, y, z = vector
+    return np.stack([cosine * x + sine * z, np.full_like(pitch, y), cosine * z - sine * x], axis=-1)
+
+
+def turned(rotation: Float, vector: Float) -> Float:
+    """Vectors (..., 3) turned by rotations (..., 3, 3)."""
+    return np.asarray((rotation @ vector[..., None])[..., 0])
+
+
+def _least_rotation(start: Float, end: Float) -> Float:
+    """Rotation of least angle from one unit vector to another, less than half a turn, (..., 3) -> (..., 3, 3)."""
+    axis = cross(start, end)
+    x, y, z, none = axis[..., 0], axis[..., 1], axis[..., 2], np.zeros(axis.shape[:-1])
+    skew = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*none.shape, 3, 3)
+    cosine = np.einsum("...i,...i->...", start, end)[..., None, None]
+    found: Float = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
+    return found
