@@ -16,7 +16,7 @@ from typing import Any
 
 from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, ROTATION_SIZE
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
-from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.human.skeleton import JOINTS, LEG_JOINTS, SIDES
 
 Array = Any
 """NumPy array or torch tensor."""
@@ -41,6 +41,8 @@ LEG_ROTATIONS = [
     PELVIS_SIZE + 6 * ball + column for ball, names in enumerate(BALLS) if "hip" in names[0] for column in range(6)
 ] + [PELVIS_SIZE + 6 * len(BALLS) + place for place, name in enumerate(HINGES) if "knee" in name or "ankle" in name]
 """Columns of the legs in a block of rotations."""
+LEG_TORQUES = [place for place, name in enumerate(JOINTS) if name[:-2] in LEG_JOINTS]
+"""Columns of the legs in a block of torques."""
 
 TOLERANCES: dict[str, float] = {
     PATH: 0.01,

@@ -15,6 +15,7 @@ from flexmotion.features.constraint_layout import (
     FORCES,
     LEG_POINTS,
     LEG_ROTATIONS,
+    LEG_TORQUES,
     PATH,
     PLACES,
     ROTATIONS,
@@ -102,11 +103,12 @@ class Constraints:
 
     @property
     def of_legs(self) -> bool:
-        """Whether a path, or places or angles of legs, are asked of single frames."""
-        blocks = self.layout.blocks
-        places = self.mask[:, blocks[PLACES]].reshape(len(self.mask), -1, 3)[:, LEG_POINTS]
-        angles = self.mask[:, blocks[ROTATIONS]][:, LEG_ROTATIONS]
-        return bool(self.mask[:, blocks[PATH]].any() or places.any() or angles.any())
+        """Whether a path, ground forces, or places, angles or torques of legs, are asked of single frames."""
+        of = {name: self.mask[:, cut] for name, cut in self.layout.blocks.items()}
+        places = of[PLACES].reshape(len(self.mask), -1, 3)[:, LEG_POINTS]
+        torques = of[TORQUES][:, LEG_TORQUES], of[TORQUE_LIMITS][:, LEG_TORQUES]
+        asked = (of[PATH], of[FORCES], of[CENTRES], places, of[ROTATIONS][:, LEG_ROTATIONS], *torques)
+        return any(bool(mask.any()) for mask in asked)
 
     def place(self, point: str, frames: Frames, place: ArrayLike) -> Constraints:
         """A point of the body is at a place.

@@ -58,7 +58,8 @@ class Draft:
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
-        keeps_feet: whether they are in the planted window already: nothing else is asked of the legs.
+        asked: of the window beside words. Where that is anything of single frames, legs are as they were decoded, and
+            where it is of the legs, feet that rest are not kept before balance.
         pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
     """
@@ -70,7 +71,7 @@ class Draft:
     balanced: bool
     rest: Float | None
     on_the_spot: bool
-    keeps_feet: bool
+    asked: Constraints | None
     pose: KeptPose | None
     source: str
 
@@ -82,18 +83,19 @@ class Draft:
     def joined(self, found: Float32) -> Float32:
         """Decoded features that continue the history, low-passed where windows are balanced, (W, F).
 
-        Legs of a body that travels end at their ankles' places.
+        Legs of a body that travels end at their ankles' places, where nothing is asked of frames.
         """
         features = inertialised(found, self.remembered, self.layout)
         if self.balanced:
             features = steadied(features, self.remembered, self.layout)
-        return features if self.on_the_spot else placed(features, self.layout, self.body)
+        free = self.asked is None or not self.asked.of_frames
+        return placed(features, self.layout, self.body) if free and not self.on_the_spot else features
 
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
         way = float(np.hypot(*(decoded.root_position[-1, :2] - self.anchor.place)))
-        stays = self.keeps_feet and self._stays(way, len(decoded))
+        stays = self._keeps_feet and self._stays(way, len(decoded))
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
@@ -108,7 +110,7 @@ class Draft:
         feet = np.concatenate([self.anchor.local(self._feet_before), pose.feet])
         contacts = features[:, self.layout.blocks["contacts"]] > 0.5
         way = float(np.hypot(*pose.position[-1, PELVIS, :2]))
-        stays = self.keeps_feet and self._stays(way, len(features))
+        stays = self._keeps_feet and self._stays(way, len(features))
         holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps, stays).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
         return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
@@ -177,6 +179,10 @@ class Draft:
     def _stays(self, way: float, frames: int) -> bool:
         """Whether a body that goes so far [m] in so many frames stays where it is."""
         return self.on_the_spot and max(self._arrived, way * self.layout.fps / frames) <= WALKS
+
+    @property
+    def _keeps_feet(self) -> bool:
+        return self.asked is None or not self.asked.of_legs
 
     @cached_property
     def _arrived(self) -> float:

@@ -91,9 +91,10 @@ def planted_slip(motion: Motion, before: Float, staying_from: Float | None = Non
         return lowered(found, _remaining(height, motion.contacts), human.hip, human.ankle), slip
     feet[1:] += (position - motion.root_position)[:, None, None]
     rests = resting(feet, motion.contacts, motion.fps)
-    standing = lowered(found, _remaining(height, rests, LIFTED), human.hip, human.ankle)
-    away = np.pad(kept(feet, rests, motion.fps), [(0, 0), (0, 0), (0, 1)])
-    return shifted(standing, away, staying_from), slip
+    down = _remaining(height, rests, LIFTED)
+    away = np.concatenate([kept(feet, rests, motion.fps), -down[..., None]], axis=-1)
+    # Knees that bend backward are straightened first.
+    return shifted(lowered(found, np.zeros_like(down), human.hip, human.ankle), away, staying_from), slip
 
 
 def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:

@@ -188,7 +188,7 @@ class Sampler:
             balanced=self.balanced,
             rest=self._rest if free and self.requests.stands(meant) else None,
             on_the_spot=not self.requests.travels(meant),
-            keeps_feet=asked is None or not asked.of_legs,
+            asked=asked,
             pose=condition.pose,
             source=self._source,
         )

@@ -34,7 +34,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         balanced=True,
         rest=None,
         on_the_spot=False,
-        keeps_feet=True,
+        asked=None,
         pose=None,
         source="",
     ), features[12:]
