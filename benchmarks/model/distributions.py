@@ -5,8 +5,9 @@ Wasserstein distance between the halves is what people differ by; then the model
 its clips is sampled anew from its first frames, for as long. A clip of a pose begins and ends with hanging arms, but a
 pose that is asked for is held until something else is asked. Clips and samples of poses are compared from the first to
 the last frame in the pose. Left clips are mirrored to the right. Fails where a figure of a kind is further from the
-recorded half than `LIMIT` times the halves from each other. With `--plots` film strips and the distributions of each
-kind are drawn.
+recorded half than `LIMIT` times the halves from each other, or where samples of a kind skate 1.2 times as much as its
+clips (of those that skate in 5 % of the frames or more) or jerk 1.5 times as much. With `--plots` film strips and the
+distributions of each kind are drawn.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.bundles.repertoire import offered_kinds
 from flexmotion.dataset.compact_set import MotionSet, open_set
+from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.intents import Text
@@ -53,6 +55,10 @@ LIMIT = 1.3
 """Greatest distance of samples from recorded clips, over that of recorded clips from each other."""
 FEWEST, MOST = 8, 12
 """Clips of a kind without which there are no halves to compare; most clips of a half."""
+SKATE_LIMIT, JERK_LIMIT = 1.2, 1.5
+"""Greatest skate and jerk of samples, over those of clips of the same kind."""
+SKATES = 0.05
+"""Clips of a kind that skate in fewer of their frames are no measure of it."""
 SHORTEST_S, LONGEST_S = 0.5, 8.0
 """Shortest clip; of a longer one, the first part of this length is compared [s]."""
 REACHED_S = 1.5
@@ -71,6 +77,7 @@ class Compared:
         real, made: distance of a recorded and of a sampled half from the other half, by figure.
         values: of the recorded half, of the other one, and of the sampled one, by figure, of the last draw.
         strips: a recorded clip, and the sample in its place.
+        skates, jerks: share of frames in which a low foot slides, and mean jerk [m/s³], of clips and of samples.
     """
 
     kind: str
@@ -79,6 +86,8 @@ class Compared:
     made: dict[str, float]
     values: dict[str, tuple[Float, Float, Float]]
     strips: tuple[Motion, Motion]
+    skates: tuple[float, float] = (0.0, 0.0)
+    jerks: tuple[float, float] = (0.0, 0.0)
 
     def ratio(self, name: str) -> float:
         """Of the distances of a figure; distances below the least that counts are taken as that."""
@@ -158,6 +167,7 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
     begins, recorded = [clip[:began] for clip in clips], [held_part(clip[began:], checks(kind)) for clip in clips]
     far: dict[str, list[tuple[float, float]]] = defaultdict(list)
     values: dict[str, tuple[Float, Float, Float]] = {}
+    smooth: list[Float] = []
     for number in range(draws):
         order = np.random.default_rng([seed, number]).permutation(len(clips))
         samples = [
@@ -166,6 +176,7 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
         ]
         parts = [[recorded[at] for at in part] for part in (order[:half], order[half : 2 * half])]
         one, other, made = (together(part, kind) for part in (*parts, samples))
+        smooth.append(np.array([_smoothness(part) for part in (parts[0], samples)]))
         values = {name: (one[name], other[name], made[name]) for name in FIGURES}
         for name, three in values.items():
             if min(map(len, three)) >= (1 if name == "time in pose" else EVENTS):
@@ -179,7 +190,21 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
         made={name: float(mean[1]) for name, mean in means.items()},
         values={name: values[name] for name in means},
         strips=(parts[0][0].motion, samples[0].motion),
+        skates=_pair(np.mean(smooth, axis=0)[:, 0]),
+        jerks=_pair(np.mean(smooth, axis=0)[:, 1]),
     )
+
+
+def _smoothness(part: Sequence[Held]) -> tuple[float, float]:
+    """Mean skate and jerk of motions."""
+    found = [(foot_metrics(own.motion)["skate_ratio"], float(jerk(own.motion).mean())) for own in part]
+    skates, jerks = np.mean(found, axis=0)
+    return float(skates), float(jerks)
+
+
+def _pair(values: Float) -> tuple[float, float]:
+    clips, samples = values.tolist()
+    return clips, samples
 
 
 def table(rows: Sequence[Compared]) -> Table:
@@ -265,8 +290,18 @@ def verdicts(rows: Sequence[Compared]) -> list[Verdict]:
                 f"{name}: {near} of {len(ratios)} kinds within {LIMIT} x, median {np.median(list(ratios.values())):.2f}"
             )
             found.append(Verdict(f"{told}, worst {worst} {ratios[worst]:.1f}", near == len(ratios)))
+    skates = {row.kind: row.skates for row in rows if row.skates[0] >= SKATES}
+    jerks = {row.kind: row.jerks for row in rows if row.jerks[0] > 0.0}
+    for name, pairs, limit in (("skate", skates, SKATE_LIMIT), ("jerk", jerks, JERK_LIMIT)):
+        if pairs:
+            over = {kind: samples / clips for kind, (clips, samples) in pairs.items()}
+            near, worst = sum(own <= limit for own in over.values()), max(over, key=lambda kind: over[kind])
+            told = f"{name}: {near} of {len(over)} kinds within {limit} x that of clips"
+            found.append(Verdict(f"{told}, worst {worst} {over[worst]:.2f}", near == len(over)))
     return found
 
 
 def _told(row: Compared) -> dict[str, Any]:
-    return {name: {"samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)} for name in row.real}
+    smooth = {"skate": row.skates, "jerk": row.jerks}
+    told = {name: {"samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)} for name in row.real}
+    return told | {name: {"samples": samples, "clips": clips} for name, (clips, samples) in smooth.items()}

@@ -103,3 +103,13 @@ def test_every_kind_has_to_be_near() -> None:
     (both,) = verdicts([near, far])
     assert one.holds and not both.holds
     assert "1 of 2 kinds" in both.sentence and "worst run" in both.sentence
+
+
+def test_samples_that_skate_more_than_their_clips_fail() -> None:
+    stands, walks = (replace(compared(kind, 1.0, 1.0), jerks=(100.0, 80.0)) for kind in ("stand", "walk"))
+    stands, walks = replace(stands, skates=(0.0, 0.01)), replace(walks, skates=(0.4, 0.5))
+    _, skate, jerks = verdicts([stands, walks])
+    assert not skate.holds and "0 of 1 kinds" in skate.sentence and "worst walk 1.25" in skate.sentence
+    assert jerks.holds and "2 of 2 kinds" in jerks.sentence
+    _, skate, jerks = verdicts([replace(walks, skates=(0.4, 0.44), jerks=(100.0, 160.0))])
+    assert skate.holds and not jerks.holds
