@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from flexmotion.streamer.mirror.mirroring import MirrorFrom
     from flexmotion.streamer.motion.heard import Heard
     from flexmotion.streamer.motion.intents import Clip, Heading, Stop, Text, Velocity, Waypoint
+    from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Point, Relax
+    from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.motion.targets import Target
@@ -111,6 +113,8 @@ _MODULES = {
     "streamer.mirror.mirroring": ("MirrorFrom",),
     "streamer.motion.heard": ("Heard",),
     "streamer.motion.intents": ("Clip", "Heading", "Stop", "Text", "Velocity", "Waypoint"),
+    "streamer.motion.part_intents": ("FootPlace", "Hand", "HeadPlace", "JointAngle", "Look", "Point", "Relax"),
+    "streamer.motion.restriction_intents": ("Contact", "Tension", "TorqueCap"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
     "streamer.motion.targets": ("Target",),
@@ -133,21 +137,29 @@ __all__ = [
     "Condition",
     "ConfigError",
     "Constraints",
+    "Contact",
     "Driver",
     "DriverError",
     "Event",
     "FlexMotionError",
+    "FootPlace",
     "GatewayError",
+    "Hand",
+    "HeadPlace",
     "Heading",
     "Heard",
     "Item",
+    "JointAngle",
     "Listening",
     "Log",
+    "Look",
     "MirrorFrom",
     "Motion",
     "MotionFormatError",
     "Outcome",
     "Performance",
+    "Point",
+    "Relax",
     "Report",
     "Request",
     "RetargetError",
@@ -162,7 +174,9 @@ __all__ = [
     "Stop",
     "StreamSettings",
     "Target",
+    "Tension",
     "Text",
+    "TorqueCap",
     "Trajectory",
     "Velocity",
     "Waypoint",

@@ -38,17 +38,25 @@ def joints_named(robot: Robot, name: str) -> dict[str, int]:
     side, _, part = name.rpartition(" ")
     found: dict[str, int] = {}
     if part in _PARTS and (not side or (side in SIDE_NAMES and _PARTS[part][0] != "head")):
-        chains = robot.mapping.chains()
-        for chain in _chains(part, side):
-            parts = robot.chain(chain) if chain in chains else {}
-            begins = _PARTS[part][1]
-            found |= {robot.joint_names[joint]: joint for own, joint in parts.items() if own.startswith(begins)}
+        found = _found(robot, part, side)
     if not found:
-        names, joints = ", ".join(_PARTS), ", ".join(robot.joint_names)
+        names = ", ".join(own for own in _PARTS if _found(robot, own, ""))
+        joints = ", ".join(robot.joint_names)
         raise ConfigError(
             f"torque: joint: {name!r} is not known; expected {names}, one of them on the left or right, or {joints}"
         )
     return found
+
+
+def _found(robot: Robot, part: str, side: str) -> dict[str, int]:
+    """The joints of a part that the robot has on a side, "" for both, and their columns."""
+    chains, begins = robot.mapping.chains(), _PARTS[part][1]
+    return {
+        robot.joint_names[joint]: joint
+        for chain in _chains(part, side)
+        for own, joint in (robot.chain(chain) if chain in chains else {}).items()
+        if own.startswith(begins)
+    }
 
 
 def _chains(part: str, side: str) -> tuple[str, ...]:

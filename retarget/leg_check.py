@@ -93,6 +93,24 @@ def check_poses(
         )
 
 
+def check_height(robot: Robot, side: str, length: float) -> None:
+    """Check that the robot can stand as high as its file says.
+
+    Args:
+        side: "left" or "right", for the message.
+        length: longest distance from hip to ankle of the model's leg [m].
+
+    Raises:
+        RetargetError: the leg is shorter.
+    """
+    height = robot.gait.stand_hip_height
+    if height > length:
+        raise RetargetError(
+            f"{robot.file}: field gait.stand_hip_height: {height:g} m, but the {side} leg of the model reaches "
+            f"{length:.4f} m from hip to ankle; expected less than that"
+        )
+
+
 def _soles(robot: Robot, side: str, indices: NDArray[np.int64], angles: Float) -> tuple[Float, Float]:
     """Centre (T, 3) and rotation (T, 3, 3) of the sole for joint angles (T, 6), by MuJoCo, in the torso's frame."""
     foot = ("left", "right").index(side)

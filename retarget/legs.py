@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
-from flexmotion.retarget.leg_check import check_order, check_poses
+from flexmotion.retarget.leg_check import check_height, check_order, check_poses
 
 Float = NDArray[np.float64]
 
@@ -58,7 +58,8 @@ class Leg:
         Raises:
             RetargetError: the joints between torso and foot are not the six of the mapping in its order, their axes are
                 not yaw-roll-pitch-pitch-pitch-roll or miss their intersection by over 1 mm, the knee bends backward, or
-                poses of the sole are not reached again by the angles found for them.
+                poses of the sole are not reached again by the angles found for them; or the leg is shorter than the
+                robot file's standing height.
         """
         chain = robot.chain(f"{side}_leg")
         indices = np.array([chain[part] for part in CHAIN])
@@ -108,6 +109,7 @@ class Leg:
             shank=float(knee[2] - ankle[2]),
             sole=sole - ankle,
         )
+        check_height(robot, side, leg.length)
         check_poses(robot, side, leg.indices, leg.signs, leg.knee_range, leg.solve)
         return leg
 

@@ -35,6 +35,8 @@ from flexmotion.spatial.heading import continuous_matrix_heading
 
 OVERALL, OFFERED = 0.95, 0.85
 """Share of samples over all offered kinds; and that from which on a kind is offered."""
+NONSENSE = "nonsense"
+"""What is judged among the kinds and is none: it is to be refused."""
 REACH = 0.05
 """A waving hand moves by at least so much between two reversals [m]."""
 NEAR = 0.1
@@ -140,7 +142,7 @@ def main(
     sampler, shares = open_sampler(bundle, steps, unjudged=True), {}
     table = Table("kind", "done", "understood as", title="Prompts")
     known = sampler.bundle.prompts.kinds
-    # Of none: "nonsense", which is to be refused.
+    # Of none: `NONSENSE`.
     entries = [entry for entry in (*prompt_kinds(), *gesture_kinds()) if entry.of is None or entry.of in known]
     for entry in entries:
         shares[entry.kind] = share(done(sampler, entry, seed, samples, seconds))
@@ -175,8 +177,9 @@ def judged_shares(
         typer.echo(f"not offered, {len(left_out)}: {told}")
     if csv_out is not None:
         write_csv(csv_out, [{"kind": kind, "share": own} for kind, own in [*shares.items(), ("overall", overall)]])
+    count = sum(kind != NONSENSE for kind in offered)
     verdicts = [
-        Verdict(f"done: {100 * overall:.1f} % of {len(offered)} kinds (>= {100 * OVERALL:.0f} %)", overall >= OVERALL),
+        Verdict(f"done: {100 * overall:.1f} % of {count} kinds (>= {100 * OVERALL:.0f} %)", overall >= OVERALL),
         Verdict(
             f"worst kind: {worst}, {100 * shares[worst]:.0f} % (>= {100 * OFFERED:.0f} %)", shares[worst] >= OFFERED
         ),

@@ -187,8 +187,10 @@ def send(
         raise typer.BadParameter(f"--wait is that of {expected}: nothing else ends by itself")
     if turning is not None and turn is None:
         raise typer.BadParameter("--turning is that of a --heading")
-    if heading is not None and part.foot is None and abs(heading) > 360.0:
-        raise typer.BadParameter(f"--heading: {heading:g} is beyond a turn, expected -360 to 360 degrees")
+    if heading is not None:
+        _require_degrees("--heading", heading, 360.0 if part.foot is None else 180.0)
+    if part.joint is not None:
+        _require_degrees("--joint", part.joint[1], 360.0)
     radians = None if heading is None else math.radians(heading)
     message: dict[str, Any]
     if text is not None:
@@ -224,6 +226,13 @@ def send(
         print_result(ended_line(ended))
     if ended.end not in ("done", "expired"):
         raise typer.Exit(CHECK_FAILED)
+
+
+def _require_degrees(option: str, found: float, most: float) -> None:
+    """Raise `BadParameter` for an angle beyond what the message takes, which counts in radians."""
+    if not abs(found) <= most:
+        beyond = "a turn" if most == 360.0 else "half a turn"
+        raise typer.BadParameter(f"{option}: {found:g} is beyond {beyond}, expected {-most:g} to {most:g} degrees")
 
 
 @grouped

@@ -21,6 +21,18 @@ IMU_BACK_S = 1.0
 SUPPLY_ERROR = 0x01
 """Error bit of Dynamixel and Feetech servos: the supply is outside the servo's own limits; torque stays on."""
 
+_BUS_BACK = "mend cable or power; if it stays silent, start the run again: ports and servos are set up as a run begins"
+
+
+def silence_of(robot: Robot, stale: NDArray[np.int64]) -> str | None:
+    """How long the whole bus has been silent; None while any joint answers.
+
+    Args:
+        stale: reads since each joint last answered, (n,).
+    """
+    reads = int(stale.min())
+    return None if reads <= robot.safety.max_stale_reads else f"no joint has answered for {reads} reads"
+
 
 class HardwareAudit:
     """Checks one measurement against the robot file's safety limits.
@@ -64,10 +76,10 @@ class HardwareAudit:
 
     def lost_bus(self, measured: RobotState) -> str | None:
         """Why the bus counts as lost; None while any joint answers."""
-        if not some(measured.stale) or measured.stale.min() <= self.robot.safety.max_stale_reads:
+        if not some(measured.stale):
             return None
-        reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
-        return f"bus lost: no joint has answered for {reads}"
+        silence = silence_of(self.robot, measured.stale)
+        return None if silence is None else f"bus lost: {silence}{self.punctuality.remark}"
 
     def watch(self, measured: RobotState) -> None:
         """Count the readings that must last to be a problem; for ticks that do not call `problem`, once in each."""
@@ -120,6 +132,9 @@ class HardwareAudit:
         margin = robot.safety.standing_margin
         outside = np.flatnonzero((position < robot.lower - margin) | (position > robot.upper + margin))
         imu = robot.config.imu
+        silence = silence_of(robot, measured.stale)
+        if silence is not None:
+            return f"the bus is silent, {silence}: {_BUS_BACK}"
         if len(silent):
             joint = int(silent[0])
             return self._of_servo("does not answer" if np.isfinite(position[joint]) else "returns no position", joint)

@@ -26,7 +26,8 @@ class MessageBase(BaseModel):
         version: of the message set.
         id: the sender's own; the answer carries it.
         source: who sends, such as "page" or "joystick"; its priority is set in the stream settings, not here.
-        sequence: number of the message among those of its source; one that does not ascend is refused.
+        sequence: number of the message among those of its source on its connection, over HTTP in all requests; one that
+            does not ascend is refused.
         stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
             expired; so has one without `ttl_s` that is older than `take_up_s` of the stream settings, but for what
             brings the robot to rest. Without a stamp its age counts from its arrival.

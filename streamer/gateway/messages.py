@@ -35,13 +35,13 @@ from flexmotion.streamer.gateway.restriction_messages import (
     restriction_of,
 )
 from flexmotion.streamer.motion.intents import (
-    ASKED_RAD,
     CLOSEST_M,
     FARTHEST_M,
     FASTEST,
     LONGEST_TEXT,
     LOOSEST_M,
     SLOWEST_TURN,
+    WIDEST_RAD,
     Clip,
     Heading,
     Intent,
@@ -55,7 +55,7 @@ _Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0], description="fo
 _Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1], description="left [m/s]")]
 _Turning = Annotated[float, Field(ge=-FASTEST[2], le=FASTEST[2], description="turning left [rad/s]")]
 _Place = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, description="[m]")]
-_Heading = Annotated[float, Field(ge=-ASKED_RAD, le=ASKED_RAD, description="[rad]")]
+_Heading = Annotated[float, Field(ge=-WIDEST_RAD, le=WIDEST_RAD, description="[rad]")]
 
 
 def _fits(kind: Callable[[str], Intent], words: str) -> str:

@@ -228,10 +228,10 @@ def build_app(
 
     @app.get("/health")
     async def get_health(response: Response) -> dict[str, Any]:
-        """Whether the loop ticks and every way to the run works; 503 where not."""
+        """Whether the loop ticks, the servo bus answers and every way to the run works; 503 where not."""
         now = status()
         response.status_code = 200 if now.well else 503
-        return {"ok": now.well, "loop": now.loop, "ways": now.ways}
+        return {"ok": now.well, "loop": now.loop, "bus": now.bus, "ways": now.ways}
 
     if metrics is not None:
         text = metrics

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
+from flexmotion.streamer.control.hardware_audit import silence_of
 from flexmotion.streamer.control.start_check import gets_up_from
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission, is_loopback
@@ -216,6 +217,7 @@ class _Server:
                 service.health,
                 robot.joint_names,
                 partial(gets_up_from, robot),
+                lambda row: silence_of(robot, row.stale),
             )
 
         pump: asyncio.Task[Any] = asyncio.create_task(_pump(desk, woken))

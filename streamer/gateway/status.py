@@ -89,6 +89,7 @@ class Status(BaseModel):
         operator: who holds the lease.
         counts: of messages, by what became of them.
         stop_port: of the process that takes stops alone.
+        bus: "works", or how long no servo has answered.
         ways: of each way for targets and for stops beside HTTP: "works", or why it does not.
     """
 
@@ -120,12 +121,13 @@ class Status(BaseModel):
     operator: str | None = None
     counts: dict[str, int] = {}
     stop_port: int | None = None
+    bus: str | None = None
     ways: dict[str, str] = {}
 
     @property
     def well(self) -> bool:
-        """Whether the loop ticks and every way works."""
-        return self.loop == "ticks" and all(state == WORKS for state in self.ways.values())
+        """Whether the loop ticks, the bus answers and every way works."""
+        return self.loop == "ticks" and self.bus == WORKS and all(state == WORKS for state in self.ways.values())
 
 
 def status_of(
@@ -137,12 +139,14 @@ def status_of(
     health: Health | None = None,
     joints: Sequence[str] = (),
     gets_up_from: Callable[[TickRow], str | None] = lambda _row: None,
+    silence: Callable[[TickRow], str | None] = lambda _row: None,
 ) -> Status:
     """The status from the loop's newest row and the gateway's own record.
 
     Args:
         joints: names of the robot's.
         gets_up_from: gives the field of this name, from the loop's newest row.
+        silence: gives how long the bus has been silent, from it; None while it works.
     """
     known: dict[str, Any] = {"robot": robot, "driver": driver, "operator": desk.lease.holder, "stop_port": stop_port}
     known["counts"] = dict(sorted(desk.counts.items()))
@@ -197,6 +201,7 @@ def status_of(
         supply=_extreme(row.voltage, np.min),
         missed_deadlines=int(row.missed_deadlines),
         target=int(row.target),
+        bus=silence(row) or WORKS,
         **known,
     )
 

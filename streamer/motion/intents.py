@@ -19,10 +19,10 @@ FASTEST = (3.0, 1.5, 3.0)
 LONGEST_TEXT = 240
 """In characters."""
 
-FARTHEST_M, FARTHEST_RAD = 1000.0, 1000.0
-"""Bounds of a place and of a heading in the odometry, whole turns counted [m, rad]."""
-ASKED_RAD = math.tau
-"""Bound of a heading that is asked for [rad]: one in degrees is refused, not turned to."""
+FARTHEST_M = 1000.0
+"""Bound of each coordinate of a place in the odometry [m]."""
+WIDEST_RAD = math.tau
+"""Bound of a heading [rad]: one in degrees is refused, not turned to."""
 CLOSEST_M, LOOSEST_M = 0.03, 1.0
 """Bounds of a waypoint's tolerance [m]: a humanoid's step corrects no less."""
 SLOWEST_TURN = 0.05
@@ -100,7 +100,7 @@ class Heading:
     turning: float | None = None
 
     def __post_init__(self) -> None:
-        require_numbers(_EXPECTED_HEADING, (self.heading,), FARTHEST_RAD)
+        require_numbers(_EXPECTED_HEADING, (self.heading,), WIDEST_RAD)
         if self.turning is not None:
             require_numbers(_EXPECTED_HEADING, (self.turning,), FASTEST[2])
             if self.turning < SLOWEST_TURN:
@@ -128,7 +128,7 @@ class Waypoint:
     def __post_init__(self) -> None:
         require_numbers(_EXPECTED_WAYPOINT, (self.x, self.y), FARTHEST_M)
         if self.heading is not None:
-            require_numbers(_EXPECTED_WAYPOINT, (self.heading,), FARTHEST_RAD)
+            require_numbers(_EXPECTED_WAYPOINT, (self.heading,), WIDEST_RAD)
         require_numbers(_EXPECTED_WAYPOINT, (self.tolerance,), LOOSEST_M)
         if self.tolerance < CLOSEST_M:
             raise ConfigError(f"{_EXPECTED_WAYPOINT}, a tolerance of {CLOSEST_M:g} m or more; found {self.tolerance!r}")
@@ -223,13 +223,10 @@ def from_content(content: Mapping[str, Any]) -> Intent:
         numbers = value if isinstance(value, list | tuple) else [value]
         if not 1 <= len(numbers) <= 2:
             raise ConfigError(f"{_EXPECTED_HEADING}, found {value!r}")
-        require_numbers(_EXPECTED_HEADING, (numbers[0],), ASKED_RAD)
         return Heading(*numbers)
     if word == "waypoint":
         if not isinstance(value, list | tuple) or not 2 <= len(value) <= 4:
             raise ConfigError(f"{_EXPECTED_WAYPOINT}, found {value!r}")
-        if len(value) > 2 and value[2] is not None:
-            require_numbers(_EXPECTED_WAYPOINT, (value[2],), ASKED_RAD)
         return Waypoint(*value)
     if word in PARTS:
         return part_from_content(word, value)

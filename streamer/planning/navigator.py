@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
@@ -63,16 +64,28 @@ class Phase(Enum):
     OVER = auto()
 
 
+@dataclass(frozen=True)
+class Wound:
+    """Turn on the spot to a heading with all its whole turns.
+
+    Attributes:
+        heading: in the odometry, whole turns counted [rad].
+        turning: greatest turning speed [rad/s].
+    """
+
+    heading: float
+    turning: float
+
+
 class Navigator:
     """One goal. `update` with every measurement; it says what the human does.
 
     Args:
-        goal: place or heading in the odometry.
+        goal: place or heading in the odometry; a heading is turned to the shorter way, but for one that is `Wound`.
         pace: greatest speeds of the human; None: no limit.
         place: odometry now: x, y [m], heading [rad], whole turns counted, (3,).
         time_s: now, on the clock of `update` [s].
         size: of the robot.
-        winds: a heading is turned to with all its whole turns; else the shorter way.
         manner: in which the human moves; None: the normal one.
 
     Attributes:
@@ -84,16 +97,15 @@ class Navigator:
 
     def __init__(
         self,
-        goal: Goal,
+        goal: Goal | Wound,
         pace: Pace | None,
         place: Float,
         time_s: float,
         size: RobotSize,
         *,
-        winds: bool = False,
         manner: str | None = None,
     ) -> None:
-        self.goal, self.pace, self.size, self.winds, self.manner = goal, pace, size, winds, manner
+        self.goal, self.pace, self.size, self.manner = goal, pace, size, manner
         self.move: Velocity | None = None
         self.arrived, self._looks = False, 0.0
         self._begin_s, self._attempts = time_s, 0
@@ -186,7 +198,7 @@ class Navigator:
             self.phase, self.move = Phase.FACE, Velocity(0.0, 0.0, 0.0)
             return
         fastest = TURNING if self.pace is None else min(TURNING, self.pace.turning)
-        if isinstance(self.goal, Heading) and self.goal.turning is not None:
+        if isinstance(self.goal, Heading | Wound) and self.goal.turning is not None:
             fastest = min(fastest, self.goal.turning)
         self.phase, self.move = Phase.TURN, Velocity(0.0, 0.0, math.copysign(fastest, missing), self.manner)
         self._closing = Closing()
@@ -246,7 +258,7 @@ class Navigator:
 
     def _missing_turn(self, heading: float, place: Float) -> float:
         missing = float(heading - place[2])
-        return missing if self.winds else wrapped(missing)
+        return missing if isinstance(self.goal, Wound) else wrapped(missing)
 
     def _away(self, place: Float) -> Float:
         if not isinstance(self.goal, Waypoint):
@@ -278,5 +290,5 @@ def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float, si
         return None
     assert step.amount is not None and isinstance(step.intent, Velocity)
     turning = max(abs(step.intent.turning), SLOWEST_TURN)
-    goal = Heading(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
-    return Navigator(goal, pace, place, time_s, size, winds=True, manner=manner)
+    goal = Wound(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
+    return Navigator(goal, pace, place, time_s, size, manner=manner)

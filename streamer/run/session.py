@@ -12,8 +12,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import Enum
+from numbers import Real
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.streamer.control.run_trace import RunTrace
@@ -51,6 +52,7 @@ class Session(RunParts):
     phase: Phase = field(init=False, default=Phase.NEW)
     _entered: ExitStack = field(init=False)
     _step: Callable[[], bool] | None = field(init=False, default=None)
+    _over: bool = field(init=False, default=False)  # the last tick has been stepped; the driver may still be open
     _begin_s: float = field(init=False, default=0.0)
 
     def __repr__(self) -> str:
@@ -130,24 +132,32 @@ class Session(RunParts):
         """
         if self._step is None:
             raise SessionError(f"{self!r}: steps are taken within its context: with session: session.step()")
-        return self._step()
+        goes_on = self._step()
+        self._over = not goes_on
+        return goes_on
 
     def advance(self, seconds: float) -> bool:
         """Run as many ticks as `seconds` hold, fewer where the run ends; returns whether it goes on. See `step`.
 
         Raises:
-            ConfigError: less than one tick.
+            ConfigError: less than one tick, or no finite number.
         """
-        ticks = round(seconds * self.robot.rate_hz)
+        given: Any = seconds  # a program without a type checker may give anything
+        finite = isinstance(given, Real) and math.isfinite(given)
+        ticks = round(seconds * self.robot.rate_hz) if finite else 0
         if ticks < 1:
             raise ConfigError(f"seconds: {seconds!r}, expected at least a tick, {1.0 / self.robot.rate_hz:g} s")
         return all(self.step() for _ in range(ticks))
 
     def finish(self) -> RunTrace:
-        """Request the end and step to it: the robot comes to a balanced stop, parks, torque goes off. See `step`."""
-        self.ask(Request.END)
-        while self.step():
-            pass
+        """Request the end and step to it: the robot comes to a balanced stop, parks, torque goes off. See `step`.
+
+        Of a run that is over already it only gives the record.
+        """
+        if self._step is None or not self._over:
+            self.ask(Request.END)
+            while self.step():
+                pass
         return self.record
 
     # ---------------------------------------------------------------- on either clock
@@ -185,8 +195,9 @@ class Session(RunParts):
         self.requests.send(Request(request))
 
     def _require_open(self) -> None:
-        if self.phase is Phase.ENDED:
-            raise SessionError(f"{self!r}: nothing acts on it any more")
+        if self._over or self.phase is Phase.ENDED:
+            over = "" if self.phase is Phase.ENDED else "the run is over, "
+            raise SessionError(f"{self!r}: {over}nothing acts on it any more")
 
     @property
     def heard(self) -> list[Heard]:

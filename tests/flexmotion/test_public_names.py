@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 import flexmotion as fm
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.motion.intents import WORDS
+from flexmotion.streamer.motion.sources import ClipSource
 
 PACKAGE = Path(fm.__file__).parent
 
@@ -41,6 +44,20 @@ def test_an_intent_loads_no_simulator() -> None:
 def test_every_name_is_there(name: str) -> None:
     assert getattr(fm, name).__name__ == name
     assert name in dir(fm)
+
+
+def test_every_intent_that_a_session_takes_is_there() -> None:
+    """The error of `session.send("wave")` named Hand, Look, TorqueCap and others that the library did not offer."""
+    document = (PACKAGE.parent / "docs" / "library.md").read_text()
+    for kind in WORDS.values():
+        assert getattr(fm, kind.__name__) is kind
+        assert f"`{kind.__name__}" in document
+    with fm.open_session("op3", source=ClipSource(default_clip()[:120])) as session:
+        session.advance(2.0)
+        session.send(fm.JointAngle("head_pan", 0.4))
+        session.advance(1.0)
+        assert session.state.q[session.robot.joint_names.index("head_pan")] == pytest.approx(0.4, abs=0.05)
+        session.finish()
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.model.hearing import OVERALL, read_all, untaught_sentences
 from benchmarks.shared.judges import confuses_sides
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.repertoire import offered_kinds
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
@@ -19,6 +20,7 @@ from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.text.phrases import STAND, wordings
 
+README = Path(__file__).parents[2] / "README.md"
 COUNTERCLOCKWISE = ("counterclockwise", "counter-clockwise", "counter clockwise", "anticlockwise", "anti–clockwise")
 
 
@@ -27,6 +29,14 @@ def sampler() -> Sampler:
     folder = shipped_bundle()
     assert folder is not None
     return Sampler(Bundle(folder))
+
+
+def test_its_kinds_are_counted_alike_everywhere(sampler: Sampler) -> None:
+    """README and bundle said 47 kinds, every refusal "lists all 46": the benchmark counted nonsense among the kinds."""
+    count = len(offered_kinds(sampler.bundle))
+    assert sampler.bundle.manifest.description.startswith(f"{count} kinds of motion")
+    assert f"(flexmotion bundles lists all {count})" in str(sampler.prompt("purple ideas dissolve the invoice").warning)
+    assert f"The shipped model does {count} kinds of motion" in README.read_text(encoding="utf-8")
 
 
 def test_unseen_sentences_are_understood_and_never_to_the_wrong_side(sampler: Sampler) -> None:

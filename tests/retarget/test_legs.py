@@ -212,6 +212,18 @@ def test_a_closed_form_with_a_wrong_length_is_refused(part: str, by: float) -> N
     check_poses(ROBOT, "left", leg.indices, leg.signs, leg.knee_range, leg.solve)
 
 
+def test_a_stand_that_is_higher_than_the_legs_is_refused(tmp_path: Path) -> None:
+    """A robot file that stood at 0.3 m on legs of 0.22 m was found to be in order, and nothing named the field."""
+    folder = tmp_path / "op3"
+    shutil.copytree(ROBOTS / "op3", folder)
+    settings = folder / "op3.yaml"
+    settings.write_text(settings.read_text().replace("stand_hip_height: 0.203", "stand_hip_height: 0.3"))
+    with pytest.raises(
+        RetargetError, match=r"field gait.stand_hip_height: 0.3 m, but the left leg of the model reaches 0.2198 m"
+    ):
+        Leg.of(load_robot(folder), "left")
+
+
 def test_a_knee_that_bends_backward_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "op3"
     shutil.copytree(ROBOTS / "op3", folder)

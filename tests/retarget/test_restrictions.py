@@ -96,3 +96,9 @@ def test_a_name_of_the_body_means_the_joints_of_the_robot(name: str, joints: set
 def test_a_joint_that_the_robot_lacks_is_refused_with_those_that_it_has(name: str) -> None:
     with pytest.raises(ConfigError, match="is not known; expected hip, knee, ankle, .*, or head_pan, head_tilt"):
         joints_named(ROBOT, name)
+
+
+def test_only_joints_that_the_robot_has_are_offered() -> None:
+    """A cap of the left wrist, of a robot without one, was refused with an offer of the wrist."""
+    with pytest.raises(ConfigError, match="expected hip, knee, ankle, shoulder, elbow, neck, one of them on the left"):
+        joints_named(ROBOT, "left wrist")

@@ -7,13 +7,22 @@ import pytest
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.lockstep import LockstepBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.registry import create
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
 FIRST_S, STEP_S, PHASES = 3.4, 0.8, 4
@@ -78,3 +87,35 @@ def test_a_loop_that_gets_little_time_lowers_it_to_the_rest_pose(
     assert (np.abs(parking.q_cmd - parking.q_ref)[10:] <= held_up).all()
     assert np.abs(parking.true_q[-1] - op3.rest_pose).max() < 0.05
     assert driver.violations == 0
+
+
+@pytest.mark.parametrize(("fault", "comes_back"), [("cable", True), ("port", False)])
+def test_the_way_back_is_told_while_the_bus_is_silent(op3: Robot, fault: str, comes_back: bool) -> None:
+    """`arm` was refused for ever with "servo of head_pan (id 19) does not answer", and nothing told of another run."""
+    body = SimBody(op3)
+    world = Loopback(body)
+    driver = create("dynamixel", op3, port="main")
+    assert isinstance(driver, BusDriver)
+    source = ClipLibrary({"wave": default_clip()[:120]}, "wave")
+    session = Session(op3, LockstepBus(driver, world, body), source, load_stream(), stay=True, attended=True)
+    (line,) = world.emulator.lines
+    told: list[str] = []
+    session.on_event = lambda event: told.append(event.message)
+    with session:
+        session.advance(2.0)
+        line.act([Fault.parse(fault)])
+        session.advance(6.0)
+        assert session.state.ladder is State.FAULT
+        session.ask(Request.CLEAR)
+        session.advance(0.1)
+        session.ask(Request.ARM)
+        session.advance(0.1)
+        refused = told[-1]
+        assert refused.startswith("ARM: the bus is silent, no joint has answered for ")
+        assert "if it stays silent, start the run again" in refused and "head_pan" not in refused
+        line.act([])  # a cable is plugged in again; the port of an adapter is another one by then
+        session.advance(0.2)
+        session.ask(Request.ARM)
+        session.advance(2.0)
+        assert (session.state.ladder is State.READY) == comes_back
+        session.finish()

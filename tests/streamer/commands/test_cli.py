@@ -141,6 +141,12 @@ BAD_USAGE = {
     "not YAML": (["dry-run", "--perturb", "slope_deg=[1"], "slope_deg: not a YAML value"),
     "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
     "heading beyond a turn": (["send", "--heading", "450"], "--heading: 450 is beyond a turn, expected -360 to 360"),
+    # Angles of these two were refused in radians, which nobody had typed.
+    "joint beyond a turn": (["send", "--joint", "l_el", "450"], "--joint: 450 is beyond a turn, expected -360 to 360"),
+    "toes beyond half a turn": (
+        ["send", "--foot", "left", "0", ".1", "--heading", "200"],
+        "--heading: 200 is beyond half a turn, expected -180 to 180",
+    ),
     "missing settings": (["dry-run", "--settings", "none.yaml"], "none.yaml: cannot be read"),
     "missing option": (["run", "--driver", "sim"], "Missing option '--robot'"),
     "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: "),

@@ -156,6 +156,16 @@ def test_a_start_needs_an_answer_of_every_joint_and_of_a_required_imu(
     assert audit.refusal(measured, unread, False) == "the robot file requires an IMU and none answers"
 
 
+def test_a_start_on_a_bus_that_is_silent_is_refused_with_the_way_back(
+    audit: HardwareAudit, measured: RobotState, op3: Robot
+) -> None:
+    """After a bus was unplugged and plugged in, `arm` named the first joint for ever, and not what leads back."""
+    measured.stale[:] = unread = np.full(op3.n, 600, np.int64)
+    refusal = audit.refusal(measured, unread, True)
+    assert refusal is not None and "no joint has answered for 600 reads" in refusal
+    assert "mend cable or power; if it stays silent, start the run again" in refusal and "head_pan" not in refusal
+
+
 def test_a_supply_that_was_low_before_the_start_refuses_it(
     audit: HardwareAudit, measured: RobotState, op3: Robot
 ) -> None:

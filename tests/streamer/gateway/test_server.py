@@ -190,6 +190,24 @@ def test_the_status_and_the_documents(begin: Begin, run: Run, answering: Callabl
     assert [one["type"] for one in told] == ["status"] * 3 and told[2]["tick"] > told[0]["tick"]
 
 
+def test_a_run_whose_servo_bus_is_silent_is_not_well(
+    begin: Begin, run: Run, answering: Callable[..., Answering], op3: Robot
+) -> None:
+    """`GET /health` answered 200 beside a FAULT, with the bus gone."""
+    gateway = begin()
+    silent = op3.safety.max_stale_reads + 1
+    run.telemetry.row.stale[...] = silent, 0, silent
+    loop = answering(gateway.requests)
+    wait_until(lambda: http(gateway.port, "GET", "/status")[1]["loop"] == "ticks", "the loop's rows")
+    assert http(gateway.port, "GET", "/health") == (200, {"ok": True, "loop": "ticks", "bus": "works", "ways": {}})
+    run.telemetry.row.stale[...] = silent
+    tick = run.tick
+    wait_until(lambda: run.tick > tick + 1, "a row with it")
+    status, told = http(gateway.port, "GET", "/health")
+    assert status == 503 and not told["ok"] and told["bus"] == f"no joint has answered for {silent} reads"
+    loop.close()
+
+
 def test_a_change_of_operator_is_told_to_all(begin: Begin, answering: Callable[..., Answering]) -> None:
     gateway = begin()
     answering(gateway.requests)

@@ -109,6 +109,13 @@ def test_a_heading_in_degrees_is_refused_with_the_unit(content: dict[str, Any]) 
         from_content(content)
 
 
+@pytest.mark.parametrize("make", [lambda: Heading(90.0), lambda: Waypoint(1.0, 0.0, -90.0)])
+def test_a_heading_in_degrees_is_refused_from_a_program_as_well(make: Callable[[], Intent]) -> None:
+    """Scripts and the gateway refused it; `session.send(Heading(90))` was accepted and turned to 117°."""
+    with pytest.raises(ConfigError, match=r"heading rad.*, finite and within ±6.28319; found -?90"):
+        make()
+
+
 def test_two_at_once_are_refused() -> None:
     with pytest.raises(ConfigError, match="exactly one of: clip, .*, waypoint, stop, .*; found text and stop"):
         from_content({"text": "wave", "stop": True})

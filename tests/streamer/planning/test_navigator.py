@@ -13,7 +13,7 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import Goal, Heading, Waypoint
-from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase
+from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase, Wound
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
 
@@ -110,7 +110,7 @@ def test_a_heading_is_turned_to_the_shorter_way_and_no_faster_than_allowed() -> 
 
 def test_a_turn_of_two_rounds_is_two_rounds() -> None:
     robot = Robot(Heading(0.0))
-    robot.navigator = Navigator(Heading(4 * math.pi), PACE, robot.place, 0.0, SIZE, winds=True)
+    robot.navigator = Navigator(Wound(4 * math.pi, 0.5), PACE, robot.place, 0.0, SIZE)
     robot._moves = [(-1.0, robot.navigator.move)]
     robot.run()
     assert robot.place[2] == pytest.approx(4 * math.pi, abs=HEADING_TOLERANCE)

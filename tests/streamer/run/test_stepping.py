@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,18 @@ def test_stepping_needs_the_context_and_leaves_the_torque_off() -> None:
         session.ask(Request.STOP)
 
 
+def test_a_run_that_is_over_takes_nothing_more() -> None:
+    """Regression: after `finish`, within the context, a target and a request were accepted and vanished."""
+    with open_session("op3", source=library()) as session:
+        session.advance(0.5)
+        record = session.finish()
+        with pytest.raises(SessionError, match="the run is over, nothing acts on it any more"):
+            session.send(Clip("wave"))
+        with pytest.raises(SessionError, match="the run is over, nothing acts on it any more"):
+            session.ask(Request.STOP)
+        assert session.finish() is record, "to finish twice does no harm"
+
+
 def test_in_processes_a_program_reads_the_state_and_sends_targets() -> None:
     session: Session = open_session("op3", source=library(), clock="real", realtime=False, stay=True)
     sent: list[int] = []
@@ -199,8 +212,9 @@ def test_targets_and_requests_that_are_none_are_refused_before_they_reach_the_lo
             session.send("walk")  # type: ignore[arg-type]
         with pytest.raises(ValueError, match="99 is not a valid Request"):
             session.ask(99)  # type: ignore[arg-type]
-        with pytest.raises(ConfigError, match="at least a tick"):
-            session.advance(0.0)
+        for seconds in (0.0, math.nan, math.inf, "2", None):  # those after the first ended in a ValueError or TypeError
+            with pytest.raises(ConfigError, match=f"seconds: {seconds!r}, expected at least a tick"):
+                session.advance(seconds)  # type: ignore[arg-type]
 
 
 def test_the_real_clock_is_not_stepped() -> None:
