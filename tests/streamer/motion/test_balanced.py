@@ -10,6 +10,7 @@ import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.intents import Text
@@ -82,4 +83,5 @@ def test_without_balance_windows_are_as_planted(bundle: Path) -> None:
     sampler, condition = Sampler(Bundle(bundle), balanced=False), Condition("walk")
     history = sampler.standing()
     window = sampler.sample(history, condition, 3)
-    assert same(window, sampler.planted(sampler.features(history, condition, 3), history, condition))
+    legs = placed(sampler.features(history, condition, 3), sampler.layout, sampler.body)
+    assert same(window, sampler.planted(legs, history, condition))
