@@ -58,7 +58,7 @@ class Draft:
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
-        asked: of the window beside words. Where that is anything of single frames, legs are as they were decoded, and
+        asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
         pose: in which the arms are kept; None: they move as decoded.
         source: of the motion.
@@ -81,13 +81,15 @@ class Draft:
         return Anchor.after(self.history)
 
     def joined(self, found: Float32) -> Float32:
-        """Decoded features that continue the history, low-passed where windows are balanced, (W, F).
+        """Decoded features that continue the history, (W, F).
 
-        Legs of a body that travels end at their ankles' places, where nothing is asked of frames.
+        Those of balanced windows are low-passed, and legs of a body that travels end at their ankles' places there, where
+        nothing is asked of frames.
         """
         features = inertialised(found, self.remembered, self.layout)
-        if self.balanced:
-            features = steadied(features, self.remembered, self.layout)
+        if not self.balanced:
+            return features
+        features = steadied(features, self.remembered, self.layout)
         free = self.asked is None or not self.asked.of_frames
         return placed(features, self.layout, self.body) if free and not self.on_the_spot else features
 

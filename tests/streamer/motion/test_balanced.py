@@ -10,7 +10,6 @@ import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.intents import Text
@@ -83,5 +82,4 @@ def test_without_balance_windows_are_as_planted(bundle: Path) -> None:
     sampler, condition = Sampler(Bundle(bundle), balanced=False), Condition("walk")
     history = sampler.standing()
     window = sampler.sample(history, condition, 3)
-    legs = placed(sampler.features(history, condition, 3), sampler.layout, sampler.body)
-    assert same(window, sampler.planted(legs, history, condition))
+    assert same(window, sampler.planted(sampler.features(history, condition, 3), history, condition))
