@@ -83,8 +83,8 @@ class Draft:
     def joined(self, found: Float32) -> Float32:
         """Decoded features that continue the history, (W, F).
 
-        Those of balanced windows are low-passed, and legs of a body that travels end at their ankles' places there, where
-        nothing is asked of frames.
+        Those of balanced windows are low-passed, and legs of a body that travels end at their ankles' places there,
+        where nothing is asked of frames.
         """
         features = inertialised(found, self.remembered, self.layout)
         if not self.balanced:
