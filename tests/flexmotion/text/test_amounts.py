@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from flexmotion.text import amounts
@@ -114,3 +116,27 @@ def test_two_numbers_behind_between_are_not_added() -> None:
 def test_per_without_a_number_is_a_word() -> None:
     """A refusal of every "per" would refuse "walk as per usual"."""
     assert all(clause.refusal is None for clause in parse("walk as per usual"))
+
+
+@pytest.mark.parametrize(
+    ("said", "degrees"),
+    [
+        ("pi/2 radians", 90.0),
+        ("pi / 3 rad", 60.0),
+        ("3*pi/4 radians", 135.0),
+        ("3π/4 radians", 135.0),
+        ("two pi radians", 360.0),
+        ("half pi radians", 90.0),
+    ],
+)
+def test_parts_and_multiples_of_pi_are_numbers(said: str, degrees: float) -> None:
+    """The words "turn pi/2 radians left" turned by 2 rad: the "pi/" was lost."""
+    amount = parse(f"turn {said} left")[0].amount
+    assert amount is not None and math.degrees(amount.value) == pytest.approx(degrees)
+
+
+@pytest.mark.parametrize("said", ["pi/foo", "pi/0", "pi/"])
+def test_pi_is_divided_by_a_number_alone(said: str) -> None:
+    """The words "turn pi/foo radians left" turned on without an end."""
+    (clause,) = parse(f"turn {said} radians left")
+    assert clause.refusal is not None and "'pi/" in clause.refusal and "expected a number above 0" in clause.refusal
