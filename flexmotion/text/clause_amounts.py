@@ -9,7 +9,7 @@ from math import pi
 from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
 from flexmotion.text.paces import Speed
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, taught
+from flexmotion.text.wording import begins, taught, taught_words
 
 
 def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token], list[str]]:
@@ -59,6 +59,30 @@ def signed(tokens: list[Token]) -> str | None:
 def is_count(amount: Amount) -> bool:
     """Whether an amount of times is a whole number from 1 on; other amounts always are fine."""
     return amount.quantity != "times" or (amount.value >= 1 and amount.value == int(amount.value))
+
+
+def counts_nothing(tokens: list[Token]) -> bool:
+    """Whether a number in words counts nothing that is known: "walk two", "walk two metrs"; "two hands" are counted.
+
+    Behind a verb of the feet a number counts units alone: "walk two blocks" has none. Behind a noun it is a name ("bay
+    six"), and "one" may stand for a noun ("wave one more").
+    """
+    known = vocabulary()
+    if " ".join(token for token in tokens if isinstance(token, str)) in taught():
+        return False
+    feet = tokens[:1] != [] and tokens[0] in known.words("paths")
+    uncounted = known.words("directions") | known.words("hedges") | known.words("limb_places")
+    opens = known.verbs | known.words("directions") | known.words("hedges")
+    limbs = {limb for names in known.table["limb_groups"].values() for limb in names}
+    for place, token in enumerate(tokens[1:], 1):
+        if token not in known.table["numbers"] or tokens[place - 1] not in opens:
+            continue
+        after = tokens[place + 1 : place + 3]
+        if limbs & set(after) or (token == "one" and not (feet and place == 1)):
+            continue
+        if feet or not after or after[0] in uncounted or after[0] not in taught_words():
+            return True
+    return False
 
 
 def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
-from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, signed, speed_of
+from flexmotion.text.clause_amounts import amounts_of, counts_nothing, is_count, little_of, signed, speed_of
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -76,7 +76,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         amount, tokens = little_of(tokens)
     if amount is not None and amount.rough:
         notes.append(f"{amount.said!r} is taken as {amount}")
-    if any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens):
+    bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
+    if bare or counts_nothing(tokens):
         return Clause(said, plain(tokens), refusal="the number in it has no unit that is known")
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:

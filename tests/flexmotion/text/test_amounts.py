@@ -140,3 +140,32 @@ def test_pi_is_divided_by_a_number_alone(said: str) -> None:
     """The words "turn pi/foo radians left" turned on without an end."""
     (clause,) = parse(f"turn {said} radians left")
     assert clause.refusal is not None and "'pi/" in clause.refusal and "expected a number above 0" in clause.refusal
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["walk two", "walk two forward", "walk for two", "walk one", "turn left two", "wave two", "walk two metrs"],
+)
+def test_a_number_in_words_needs_a_unit_as_one_in_digits_does(sentence: str) -> None:
+    """The words "walk two" were a walk without an end, while "walk 2" was refused."""
+    (clause,) = parse(sentence)
+    assert clause.refusal == parse("walk 2")[0].refusal is not None
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "raise two hands",
+        "wave with two hands",
+        "wave two times",
+        "take two steps",
+        "walk in one line",
+        "walk with two bags",
+        "wave at two people",
+        "walk a step or two",
+        "head toward bay six",
+    ],
+)
+def test_a_number_in_words_that_counts_or_names_something_is_not_refused(sentence: str) -> None:
+    """A refusal of every number in words would refuse "raise two hands"."""
+    assert all(clause.refusal is None or "number" not in clause.refusal for clause in parse(sentence))
