@@ -31,7 +31,7 @@ from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
 from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
-from flexmotion.text.spelling import directions_respelled
+from flexmotion.text.spelling import as_meant
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
@@ -72,7 +72,7 @@ class Hearing:
             case Text(text) if (restricts := restriction_refusal(text)) is not None:
                 return self._refused(text, restricts, ())
             case Text(text):
-                meant, notes = directions_respelled(text, self.model.is_word)
+                meant, notes = as_meant(text, self.model.is_word)
                 program = self._sentence(meant, under_way, last)
                 heard = program.heard.model_copy(update={"asked": text, "notes": (*notes, *program.heard.notes)})
                 return replace(program, heard=heard) if notes else program

@@ -7,7 +7,7 @@ from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.speeds import Model
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.prompt_reader import SAME
-from flexmotion.text.spelling import directions_respelled
+from flexmotion.text.spelling import as_meant
 
 
 def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
@@ -21,7 +21,7 @@ def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
     ):
         return heard.told()
     # A sentence is taken for one kind of motion, which may not be the one that was meant.
-    prompt = model.prompt(directions_respelled(intent.text, model.is_word)[0])
+    prompt = model.prompt(as_meant(intent.text, model.is_word)[0])
     if prompt.warning is not None:
         return prompt.warning
     exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
