@@ -71,15 +71,29 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
 
 
 def corrected(clause: Clause, wrong: Clause) -> Clause:
-    """A request that corrects another one: what it does not say is as in that one ("two steps, sorry, three steps")."""
+    """A request that corrects another one: what it does not say is as in that one ("two steps, sorry, three steps").
+
+    A walk that corrects a walk, or a turn a turn, keeps the amount: "walk one metre forward, no, backward".
+    """
+    unmeasured = clause.asks is Asks.MOTION and clause.amount is None and clause.rate is None and clause.refusal is None
     if not clause.verbless:
-        return clause
+        keeps = unmeasured and not clause.counted and not clause.until_told and _are_alike(clause, wrong)
+        return replace(clause, amount=wrong.amount) if keeps else clause
     alike = clause.amount is not None and wrong.amount is not None and clause.amount.quantity == wrong.amount.quantity
     if alike and not sides(clause.said):
         return replace(wrong, said=clause.said, amount=clause.amount)
     if clause.amount is None and len(sides(clause.text)) == 1:
         return _like(clause, wrong, with_side(wrong.text, min(sides(clause.text))))
-    return clause
+    return _like(clause, wrong, clause.text) if unmeasured and _are_alike(clause, wrong) else clause
+
+
+def _are_alike(clause: Clause, wrong: Clause) -> bool:
+    """Whether two requests are both walks or both turns, of which the second has an amount."""
+    known = vocabulary()
+    first, second = (one.text.split()[0] if one.text else "" for one in (clause, wrong))
+    turns = known.words("turn_verbs")
+    walks = known.words("walk_verbs") - turns - {"take", "make", "do"}
+    return wrong.amount is not None and any({first, second} <= verbs for verbs in (walks, turns))
 
 
 def _like(clause: Clause, before: Clause, text: str) -> Clause:
