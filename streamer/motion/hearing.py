@@ -112,6 +112,8 @@ class Hearing:
                 plainly = clause.rate is not None and steps[-1].told.slowed is None
                 if plainly and self.speeds.one_speed(steps[-1], False) is None:
                     notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
+            if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
+                notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
         except RefusedError as refused:
@@ -370,6 +372,8 @@ class Hearing:
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
+        if not clause.text:
+            raise RefusedError(f"{clause.said!r} is not understood: it names no motion")
         prompt = self.model.prompt(clause.text)
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
             if part_phrase(clause.said) is not None:
@@ -444,6 +448,13 @@ def _covers(forbidden: str, kind: str) -> bool:
     if forbidden in ("run", "dash"):
         return kind in ("run", "dash")
     return forbidden == kind
+
+
+def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:
+    """Whether a request asks for no more than what is under way: "don't stop", "keep walking"."""
+    keeps = clause.asks is Asks.CONTINUE or "keep" in clause.text.split()
+    same = under_way is not None and [step.kind for step in steps] == [under_way.steps[-1].kind]
+    return keeps and clause.amount is None and same and steps[0].kind != STAND
 
 
 def _ignores(clause: Clause, step: Step) -> bool:

@@ -107,6 +107,31 @@ def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
         assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
 
 
+@pytest.mark.parametrize(
+    "say",
+    [
+        "do not stop",
+        "never stop",
+        "don't stop walking",
+        "please do not stop",
+        "don't stop, please",
+        "Please, don't stop walking",
+        "robot, do not stop",
+    ],
+)
+def test_what_is_not_to_stop_goes_on_and_the_note_says_so(hearing: Hearing, say: str) -> None:
+    """Went wrong: the note of "do not stop" was "the model stands still", and "please do not stop" was refused."""
+    program = hear(hearing, say, "walk forward")
+    remark = str(remark_on(hearing.model, Text(say), program))
+    assert moves(program) == ["walk"] and "it goes on" in remark and "stands still" not in remark
+
+
+def test_a_refusal_quotes_what_was_said(hearing: Hearing) -> None:
+    """Went wrong: the refusal of a sentence without a motion began with "'' is not understood"."""
+    reason = str(hear(hearing, "until further notice").heard.reason)
+    assert reason.startswith("'until further notice' is not understood")
+
+
 def test_what_no_robot_does_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
     """Went wrong: "fly to the moon" was refused by name, and nothing was named that works."""
     reason = str(hear(hearing, "fly to the moon").heard.reason)
