@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import lru_cache
 
 from flexmotion.text.clause import Asks, Clause
 from flexmotion.text.refusals import needs_head
@@ -36,6 +38,23 @@ def with_side(text: str, side: str) -> str:
             return f"walk to the {side}"
         return "walk forward" if known.words("backward") & set(text.split()) else "walk back"
     return f"{text} with the {LEFT if side == OTHER else side} hand"
+
+
+def other_limb(text: str) -> str | None:
+    """The limb whose other one a motion is asked for with ("wave with the other hand"); None where its side is told."""
+    found = _other_limb().search(text)
+    return None if found is None or sides(text) or "one" in text.lower().split() else found[1].lower()
+
+
+def with_limb(text: str, side: str) -> str:
+    """The words with a side in place of "other": "wave with the left hand"."""
+    return _other_limb().sub(rf"{side} \1", text)
+
+
+@lru_cache
+def _other_limb() -> re.Pattern[str]:
+    groups: dict[str, list[str]] = vocabulary().table["limb_groups"]
+    return re.compile(rf"\b(?:other|opposite) ({'|'.join([*groups['arm'], *groups['leg']])})\b", re.IGNORECASE)
 
 
 def is_repeated(words: list[str]) -> bool:

@@ -20,17 +20,18 @@ from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
-from flexmotion.text.ellipsis import with_side
+from flexmotion.text.ellipsis import other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.phrases import STAND, moves_head
+from flexmotion.text.phrases import STAND, limbs, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
 from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
+from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.spelling import as_meant
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
@@ -308,7 +309,7 @@ class Hearing:
                 return [self._measured(changed, usual_amount(changed, 1), 1)]
             before[-1] = changed
             return []
-        return [self._motion(clause, in_sequence)]
+        return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
         """For "repeat the turn": the last step of that motion; a gesture can be done without one before."""
@@ -370,6 +371,19 @@ class Hearing:
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
+
+    def _with_limb(self, clause: Clause, done: Sequence[Step]) -> Clause:
+        """The clause with the side of "the other hand": not that of the last gesture which one hand made."""
+        limb = other_limb(clause.text)
+        if limb is None or len(sides(self.model.prompt(clause.text).kind)) != 1:
+            return clause  # "add the other hand and wave both"
+        groups: dict[str, list[str]] = vocabulary().table["limb_groups"]
+        for step in reversed(done):
+            used = {name for group in limbs(step.kind) or () for name in groups[group]}
+            side = sides(step.kind)
+            if len(side) == 1 and limb in used and step.turn == 0 and step.axis == (0, 0):
+                return replace(clause, text=with_limb(clause.text, LEFT if RIGHT in side else RIGHT))
+        raise RefusedError(f"{clause.said!r}: which {limb}? say left or right")
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         if not clause.text:

@@ -126,6 +126,30 @@ def test_what_is_not_to_stop_goes_on_and_the_note_says_so(hearing: Hearing, say:
     assert moves(program) == ["walk"] and "it goes on" in remark and "stands still" not in remark
 
 
+@pytest.mark.parametrize(
+    ("after", "say", "kinds"),
+    [
+        ("wave with the right hand", "wave with the other hand", ["wave-left-hand"]),
+        ("wave with the left hand", "Wave with the other arm", ["wave-right-hand"]),
+        ("raise your left hand", "wave with the other hand", ["wave-right-hand"]),
+        (
+            None,
+            "wave with the right hand, bow, then wave with the other hand",
+            ["wave-right-hand", "bow", "wave-left-hand"],
+        ),
+    ],
+)
+def test_the_other_hand_is_not_the_hand_before(hearing: Hearing, after: str | None, say: str, kinds: list[str]) -> None:
+    """Went wrong: "wave with the other hand" waved with the right hand after a wave with the right hand."""
+    assert moves(hear(hearing, say, after)) == kinds
+
+
+@pytest.mark.parametrize("after", [None, "bow", "walk to the left", "wave with both hands"])
+def test_the_other_hand_of_none_is_asked_for(hearing: Hearing, after: str | None) -> None:
+    program = hear(hearing, "wave with the other hand", after)
+    assert not moves(program) and "which hand? say left or right" in str(program.heard.reason)
+
+
 def test_a_refusal_quotes_what_was_said(hearing: Hearing) -> None:
     """Went wrong: the refusal of a sentence without a motion began with "'' is not understood"."""
     reason = str(hear(hearing, "until further notice").heard.reason)
