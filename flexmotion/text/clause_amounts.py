@@ -110,6 +110,23 @@ def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
     return None, tokens
 
 
+def degree_of(words: list[str]) -> str:
+    """The words that say how large a gesture is to be ("a little", "very deeply"); empty where none do."""
+    known = vocabulary()
+    for place in range(1, len(words)):
+        if phrase := begins([*words], place, known.phrases("degrees")):
+            end = place + len(phrase.split())
+            following = words[end] if end < len(words) else ""
+            if following in known.words("degree_more"):
+                return f"{phrase} {following}"
+            if not following or following in known.words("degree_ends"):
+                return phrase
+    for place in range(len(words)):
+        if phrase := begins([*words], place, known.phrases("degree_adverbs")):
+            return phrase
+    return ""
+
+
 def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     """The factor that adverbs put on the speed, these adverbs, and the tokens without them."""
     known = vocabulary()

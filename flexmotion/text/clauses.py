@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
-from flexmotion.text.clause_amounts import amounts_of, counts_nothing, is_count, little_of, signed, speed_of
+from flexmotion.text.clause_amounts import amounts_of, counts_nothing, degree_of, is_count, little_of, signed, speed_of
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -94,7 +94,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)
     words = [token for token in tokens if isinstance(token, str)]
-    own = list(words)
+    own, degree = list(words), degree_of(words)
     words = [word for word in words if word not in ("again",)] if len(words) > 1 else words
     things: dict[str, str] = known.table["things"]
     words = [part for word in words for part in (things[word].split() if counted and word in things else [word])]
@@ -121,6 +121,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         dropped=(*dropped, *places),
         notes=tuple(notes),
         manner=manner,
+        degree=degree,
         needs_head=head,
         until_told=until_told,
         more=more,

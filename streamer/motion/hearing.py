@@ -127,7 +127,8 @@ class Hearing:
         for clause in wanted:
             asks = clause.asks is Asks.MOTION and clause.text
             dropped += self.model.prompt(clause.text).dropped if asks else ()
-        dropped += tuple(clause.manner for clause, step in zip(wanted, steps, strict=False) if _ignores(clause, step))
+        for clause, step in zip(wanted, steps, strict=False):
+            dropped += _ignored(clause, step)
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
         certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
         heard = Heard(
@@ -471,11 +472,14 @@ def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -
     return keeps and clause.amount is None and same and steps[0].kind != STAND
 
 
-def _ignores(clause: Clause, step: Step) -> bool:
-    """Whether an adverb changes no speed: of a gesture; up, of a turn on the spot; standing has none to speak of."""
+def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
+    """Adverbs that change nothing: any of a gesture; up, of a turn on the spot; standing has none to speak of."""
+    if clause.asks is not Asks.MOTION:
+        return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
-    return bool(clause.manner) and clause.asks is Asks.MOTION and (gesture or (on_the_spot and clause.speed > 1.0))
+    manner = clause.manner if gesture or (on_the_spot and clause.speed > 1.0) else ""
+    return tuple(said for said in (manner, clause.degree if gesture else "") if said)
 
 
 def _qualifies(clause: Clause) -> bool:

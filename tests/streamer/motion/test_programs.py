@@ -150,6 +150,29 @@ def test_the_other_hand_of_none_is_asked_for(hearing: Hearing, after: str | None
     assert not moves(program) and "which hand? say left or right" in str(program.heard.reason)
 
 
+@pytest.mark.parametrize(
+    ("say", "dropped"),
+    [
+        ("bow a little", "a little"),
+        ("bow slightly", "slightly"),
+        ("bow very deeply", "very deeply"),
+        ("bow a bit deeper", "a bit deeper"),
+        ("squat deeply, then wave", "deeply"),
+        ("raise your arms a little", "a little"),
+        ("wave slowly", "slowly"),
+    ],
+)
+def test_how_large_a_gesture_is_asked_for_is_told_as_left_out(hearing: Hearing, say: str, dropped: str) -> None:
+    """Went wrong: "bow very deeply" was plainly accepted, and bowed as any bow."""
+    heard = hear(hearing, say).heard
+    assert heard.state == "partly" and heard.dropped == (dropped,)
+
+
+def test_a_walk_a_little_is_an_amount_and_a_little_bow_a_size(hearing: Hearing) -> None:
+    for say in ("walk a little", "turn left a little", "give me a little wave", "bow politely"):
+        assert hear(hearing, say).heard.dropped == ()
+
+
 def test_a_refusal_quotes_what_was_said(hearing: Hearing) -> None:
     """Went wrong: the refusal of a sentence without a motion began with "'' is not understood"."""
     reason = str(hear(hearing, "until further notice").heard.reason)
