@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from itertools import pairwise
 from math import pi
 
 from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
 from flexmotion.text.paces import Speed
+from flexmotion.text.spelling import LEAST_LIKENESS
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, taught, taught_words
 
@@ -83,6 +85,20 @@ def counts_nothing(tokens: list[Token]) -> bool:
         if feet or not after or after[0] in uncounted or after[0] not in taught_words():
             return True
     return False
+
+
+def unread_number(tokens: list[Token]) -> str | None:
+    """Why a unit has no number where the word in front of it is a misspelt one ("thre metres"); None: there is none."""
+    known = vocabulary()
+    numbers = [word for word in known.table["numbers"] if len(word) > 2]
+    for word, unit in pairwise(tokens):
+        if not isinstance(word, str) or not isinstance(unit, str) or unit not in known.units:
+            continue
+        if len(word) < 3 or word in taught_words() or word in known.verbs or word in numbers:
+            continue
+        if meant := difflib.get_close_matches(word, numbers, 1, LEAST_LIKENESS):
+            return f"{word!r}: expected a number; try: {meant[0]}"
+    return None
 
 
 def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:

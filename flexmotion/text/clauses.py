@@ -8,7 +8,16 @@ from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
-from flexmotion.text.clause_amounts import amounts_of, counts_nothing, degree_of, is_count, little_of, signed, speed_of
+from flexmotion.text.clause_amounts import (
+    amounts_of,
+    counts_nothing,
+    degree_of,
+    is_count,
+    little_of,
+    signed,
+    speed_of,
+    unread_number,
+)
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -79,6 +88,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
     if bare or counts_nothing(tokens):
         return Clause(said, plain(tokens), refusal="the number in it has no unit that is known")
+    if (unread := unread_number(tokens)) is not None:
+        return Clause(said, plain(tokens), refusal=unread)
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
         return Clause(said, stem(named), Asks.AGAIN, None, times, counted, dropped=tuple(dropped), notes=tuple(notes))

@@ -153,8 +153,24 @@ def test_a_number_in_words_needs_a_unit_as_one_in_digits_does(sentence: str) -> 
 
 
 @pytest.mark.parametrize(
+    ("sentence", "meant"),
+    [
+        ("walk thre metres", "three"),
+        ("walk fiv steps", "five"),
+        ("turn left nintey degrees", "ninety"),
+        ("wave thre times", "three"),
+    ],
+)
+def test_a_misspelt_number_in_front_of_a_unit_is_refused_with_the_number(sentence: str, meant: str) -> None:
+    """The words "walk thre metres" were a walk without an end."""
+    (clause,) = parse(sentence)
+    assert clause.refusal is not None and clause.refusal.endswith(f"expected a number; try: {meant}")
+
+
+@pytest.mark.parametrize(
     "sentence",
     [
+        "take dainty steps",
         "raise two hands",
         "wave with two hands",
         "wave two times",
