@@ -106,6 +106,7 @@ def _word() -> re.Pattern[str]:
     return re.compile(
         r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+"
         rf"|(?:{ways})\s?/\s?(?:{times})(?:[/²]\w*)?(?!\w)"  # "m/s²" is one that no speed has
+        r"|[+/]\s*pi\b(?:\s*/\s*\w+(?:\.\d+)?)?"  # no number: refused by name
         r"|(?<![^\W\d_])pi\s*/\s*(?:\w+(?:\.\d+)?)?"
         r"|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]"
     )

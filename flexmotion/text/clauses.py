@@ -150,8 +150,8 @@ def _no_speed(tokens: Sequence[Token]) -> str | None:
         before, after = list(tokens[max(place - 1, 0) : place]), list(tokens[place + 1 : place + 2])
         counts = any(not isinstance(one, str) for one in (*before, *after)) or (after and after[0] in times)
         # A mark of a unit is left over where its time is none that a speed is of: "m/day".
-        if isinstance(token, str) and token.startswith("pi/"):
-            return f"{token!r}: expected a number above 0 behind the slash, as in 'turn left pi/2 radians'"
+        if isinstance(token, str) and token.startswith(("pi/", "/pi", "+pi")):
+            return f"{token!r}: expected a multiple of pi, or pi by a number above 0, as in 'turn left pi/2 radians'"
         if isinstance(token, str) and ("/" in token or (token == "per" and counts)):
             return f"{plain([*before, token, *(after if token == 'per' else [])])!r}: {PER_TIME}"
     return None
