@@ -7,11 +7,12 @@ import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from flexmotion.text.numbers import is_digits, number_at
+from flexmotion.text.numbers import is_digits, number_at, pi_of
 from flexmotion.text.paces import Rate, Speed, speed_at, tells_speed
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
 _SYMBOLS = {
+    "π": " pi ",
     "°": " degrees ",
     "º": " degrees ",
     "½": " half ",
@@ -96,7 +97,7 @@ def words_of(sentence: str) -> list[str]:
 
 @lru_cache
 def _word() -> re.Pattern[str]:
-    """A number, a unit of a speed ("m/s"), a word or a punctuation mark."""
+    """A number, a unit of a speed ("m/s"), a part of pi ("pi/2"), a word or a punctuation mark."""
     units = vocabulary().table["units"]
     ways, times = (
         "|".join(sorted((unit for name in names for unit in units[name]), key=len, reverse=True))
@@ -105,6 +106,8 @@ def _word() -> re.Pattern[str]:
     return re.compile(
         r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+"
         rf"|(?:{ways})\s?/\s?(?:{times})(?:[/²]\w*)?(?!\w)"  # "m/s²" is one that no speed has
+        r"|[+/]\s*pi\b(?:\s*/\s*\w+(?:\.\d+)?)?"  # no number: refused by name
+        r"|(?<![^\W\d_])pi\s*/\s*(?:\w+(?:\.\d+)?)?"
         r"|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]"
     )
 
@@ -231,7 +234,7 @@ def _counting() -> frozenset[str]:
 
 def _counts(word: str) -> bool:
     """Whether an amount or a factor can begin with a word; most words of a sentence are not looked at further."""
-    return not word[:1].isalpha() or word in _counting()
+    return not word[:1].isalpha() or word in _counting() or pi_of(word) is not None
 
 
 def _join_range(found: list[Token]) -> None:
@@ -334,7 +337,8 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
     if unit not in known.units or (unit in known.table["revolutions"] and not explicit):
         said = " ".join(words[place : place + used])
         named = words[place] in known.table["numbers"] and value >= LEAST_BARE and not rough
-        return (Bare(value, said), used) if named or is_digits(said) else (words[place], 1)
+        of_pi = pi_of(words[place + used - 1]) is not None
+        return (Bare(value, said), used) if named or is_digits(said) or of_pi else (words[place], 1)
     if unit == "foot" and before in ("on", "with", "lift", "raise", "the", "your", "left", "right", "stand"):
         return words[place], 1
     end = place + used + skipped + 1

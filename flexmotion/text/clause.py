@@ -51,6 +51,7 @@ class Clause:
         joint: what joins it to the one before: "then" for an order of doing.
         notes: what was taken for rough words.
         manner: the adverbs of `speed`.
+        degree: how large it is to be, if it is a gesture ("a little", "very deeply").
         needs_head: whether only a motion of the head or the eyes does it.
         until_told: it says that it goes on until something else is said.
         side: of what is done again; None: as it was done.
@@ -71,6 +72,7 @@ class Clause:
     dropped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     manner: str = ""
+    degree: str = ""
     needs_head: bool = False
     until_told: bool = False
     joint: str = "then"

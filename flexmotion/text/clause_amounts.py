@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from itertools import pairwise
 from math import pi
 
 from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
 from flexmotion.text.paces import Speed
+from flexmotion.text.spelling import LEAST_LIKENESS
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, taught
+from flexmotion.text.wording import begins, taught, taught_words
 
 
 def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token], list[str]]:
@@ -61,6 +63,44 @@ def is_count(amount: Amount) -> bool:
     return amount.quantity != "times" or (amount.value >= 1 and amount.value == int(amount.value))
 
 
+def counts_nothing(tokens: list[Token]) -> bool:
+    """Whether a number in words counts nothing that is known: "walk two", "walk two metrs"; "two hands" are counted.
+
+    Behind a verb of the feet a number counts units alone: "walk two blocks" has none. Behind a noun it is a name ("bay
+    six"), and "one" may stand for a noun ("wave one more").
+    """
+    known = vocabulary()
+    if " ".join(token for token in tokens if isinstance(token, str)) in taught():
+        return False
+    feet = tokens[:1] != [] and tokens[0] in known.words("paths")
+    uncounted = known.words("directions") | known.words("hedges") | known.words("limb_places")
+    opens = known.verbs | known.words("directions") | known.words("hedges")
+    limbs = {limb for names in known.table["limb_groups"].values() for limb in names}
+    for place, token in enumerate(tokens[1:], 1):
+        if token not in known.table["numbers"] or tokens[place - 1] not in opens:
+            continue
+        after = tokens[place + 1 : place + 3]
+        if limbs & set(after) or (token == "one" and not (feet and place == 1)):
+            continue
+        if feet or not after or after[0] in uncounted or after[0] not in taught_words():
+            return True
+    return False
+
+
+def unread_number(tokens: list[Token]) -> str | None:
+    """Why a unit has no number where the word in front of it is a misspelt one ("thre metres"); None: there is none."""
+    known = vocabulary()
+    numbers = [word for word in known.table["numbers"] if len(word) > 2]
+    for word, unit in pairwise(tokens):
+        if not isinstance(word, str) or not isinstance(unit, str) or unit not in known.units:
+            continue
+        if len(word) < 3 or word in taught_words() or word in known.verbs or word in numbers:
+            continue
+        if meant := difflib.get_close_matches(word, numbers, 1, LEAST_LIKENESS):
+            return f"{word!r}: expected a number; try: {meant[0]}"
+    return None
+
+
 def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
     """The amount of a walk or a turn "a bit" and the other tokens; None where there is none, or it is no amount.
 
@@ -84,6 +124,23 @@ def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
             return Amount(degrees * pi / 180.0, "angle", phrase, rough=True), rest
         return Amount(float(known.table["little_walk"]), "length", phrase, rough=True), rest
     return None, tokens
+
+
+def degree_of(words: list[str]) -> str:
+    """The words that say how large a gesture is to be ("a little", "very deeply"); empty where none do."""
+    known = vocabulary()
+    for place in range(1, len(words)):
+        if phrase := begins([*words], place, known.phrases("degrees")):
+            end = place + len(phrase.split())
+            following = words[end] if end < len(words) else ""
+            if following in known.words("degree_more"):
+                return f"{phrase} {following}"
+            if not following or following in known.words("degree_ends"):
+                return phrase
+    for place in range(len(words)):
+        if phrase := begins([*words], place, known.phrases("degree_adverbs")):
+            return phrase
+    return ""
 
 
 def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:

@@ -8,7 +8,16 @@ from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
 from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
-from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, signed, speed_of
+from flexmotion.text.clause_amounts import (
+    amounts_of,
+    counts_nothing,
+    degree_of,
+    is_count,
+    little_of,
+    signed,
+    speed_of,
+    unread_number,
+)
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -76,8 +85,11 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         amount, tokens = little_of(tokens)
     if amount is not None and amount.rough:
         notes.append(f"{amount.said!r} is taken as {amount}")
-    if any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens):
+    bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
+    if bare or counts_nothing(tokens):
         return Clause(said, plain(tokens), refusal="the number in it has no unit that is known")
+    if (unread := unread_number(tokens)) is not None:
+        return Clause(said, plain(tokens), refusal=unread)
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
         return Clause(said, stem(named), Asks.AGAIN, None, times, counted, dropped=tuple(dropped), notes=tuple(notes))
@@ -93,7 +105,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)
     words = [token for token in tokens if isinstance(token, str)]
-    own = list(words)
+    own, degree = list(words), degree_of(words)
     words = [word for word in words if word not in ("again",)] if len(words) > 1 else words
     things: dict[str, str] = known.table["things"]
     words = [part for word in words for part in (things[word].split() if counted and word in things else [word])]
@@ -120,6 +132,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         dropped=(*dropped, *places),
         notes=tuple(notes),
         manner=manner,
+        degree=degree,
         needs_head=head,
         until_told=until_told,
         more=more,
@@ -137,6 +150,8 @@ def _no_speed(tokens: Sequence[Token]) -> str | None:
         before, after = list(tokens[max(place - 1, 0) : place]), list(tokens[place + 1 : place + 2])
         counts = any(not isinstance(one, str) for one in (*before, *after)) or (after and after[0] in times)
         # A mark of a unit is left over where its time is none that a speed is of: "m/day".
+        if isinstance(token, str) and token.startswith(("pi/", "/pi", "+pi")):
+            return f"{token!r}: expected a multiple of pi, or pi by a number above 0, as in 'turn left pi/2 radians'"
         if isinstance(token, str) and ("/" in token or (token == "per" and counts)):
             return f"{plain([*before, token, *(after if token == 'per' else [])])!r}: {PER_TIME}"
     return None

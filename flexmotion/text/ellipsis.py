@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import lru_cache
 
 from flexmotion.text.clause import Asks, Clause
 from flexmotion.text.refusals import needs_head
@@ -38,6 +40,23 @@ def with_side(text: str, side: str) -> str:
     return f"{text} with the {LEFT if side == OTHER else side} hand"
 
 
+def other_limb(text: str) -> str | None:
+    """The limb whose other one a motion is asked for with ("wave with the other hand"); None where its side is told."""
+    found = _other_limb().search(text)
+    return None if found is None or sides(text) or "one" in text.lower().split() else found[1].lower()
+
+
+def with_limb(text: str, side: str) -> str:
+    """The words with a side in place of "other": "wave with the left hand"."""
+    return _other_limb().sub(rf"{side} \1", text)
+
+
+@lru_cache
+def _other_limb() -> re.Pattern[str]:
+    groups: dict[str, list[str]] = vocabulary().table["limb_groups"]
+    return re.compile(rf"\b(?:other|opposite) ({'|'.join([*groups['arm'], *groups['leg']])})\b", re.IGNORECASE)
+
+
 def is_repeated(words: list[str]) -> bool:
     """Whether words of a side ask for the last motion once more: "again with the left hand", "the other way"."""
     return bool((vocabulary().words("other") | {"same", "again", "more", "repeat", "redo"}) & set(words))
@@ -71,15 +90,29 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
 
 
 def corrected(clause: Clause, wrong: Clause) -> Clause:
-    """A request that corrects another one: what it does not say is as in that one ("two steps, sorry, three steps")."""
+    """A request that corrects another one: what it does not say is as in that one ("two steps, sorry, three steps").
+
+    A walk that corrects a walk, or a turn a turn, keeps the amount: "walk one metre forward, no, backward".
+    """
+    unmeasured = clause.asks is Asks.MOTION and clause.amount is None and clause.rate is None and clause.refusal is None
     if not clause.verbless:
-        return clause
+        keeps = unmeasured and not clause.counted and not clause.until_told and _are_alike(clause, wrong)
+        return replace(clause, amount=wrong.amount) if keeps else clause
     alike = clause.amount is not None and wrong.amount is not None and clause.amount.quantity == wrong.amount.quantity
     if alike and not sides(clause.said):
         return replace(wrong, said=clause.said, amount=clause.amount)
     if clause.amount is None and len(sides(clause.text)) == 1:
         return _like(clause, wrong, with_side(wrong.text, min(sides(clause.text))))
-    return clause
+    return _like(clause, wrong, clause.text) if unmeasured and _are_alike(clause, wrong) else clause
+
+
+def _are_alike(clause: Clause, wrong: Clause) -> bool:
+    """Whether two requests are both walks or both turns, of which the second has an amount."""
+    known = vocabulary()
+    first, second = (one.text.split()[0] if one.text else "" for one in (clause, wrong))
+    turns = known.words("turn_verbs")
+    walks = known.words("walk_verbs") - turns - {"take", "make", "do"}
+    return wrong.amount is not None and any({first, second} <= verbs for verbs in (walks, turns))
 
 
 def _like(clause: Clause, before: Clause, text: str) -> Clause:

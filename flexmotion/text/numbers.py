@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import NamedTuple
 
 from flexmotion.text.vocabulary import vocabulary
 
 _DIGITS = re.compile(r"-?(?:\d+(?:\.\d+)?|\.\d+)")
+_PI = re.compile(r"pi(?:/(.*))?")
 _LONGEST = 12
 """Digits of a number; a longer one is a word."""
 
@@ -33,8 +35,24 @@ def is_digits(word: str) -> bool:
     return len(word) <= _LONGEST and _DIGITS.fullmatch(word) is not None
 
 
+def pi_of(word: str) -> float | None:
+    """Value of "pi" and "pi/2", as one word; None for other words, and where no number above 0 divides it."""
+    found = _PI.fullmatch(word)
+    divisor = "1" if found is not None and found[1] is None else "" if found is None else found[1]
+    return math.pi / float(divisor) if is_digits(divisor) and float(divisor) > 0.0 else None
+
+
 def number_at(words: list[str], place: int) -> Number | None:
-    """The number that begins at a word; None where none does."""
+    """The number that begins at a word, also as a multiple of pi ("3 pi/4"); None where none does."""
+    number = _number_at(words, place)
+    if number is None or number.article or pi_of(words[place]) is not None:
+        return number
+    pi = pi_of("".join(words[place + number.used : place + number.used + 1]))
+    return number if pi is None else number._replace(value=number.value * pi, used=number.used + 1)
+
+
+def _number_at(words: list[str], place: int) -> Number | None:
+    """The number that begins at a word, without a pi behind it."""
     table = vocabulary().table
     numbers, fractions, articles, vague = (table[name] for name in ("numbers", "fractions", "articles", "vague"))
 
@@ -42,14 +60,14 @@ def number_at(words: list[str], place: int) -> Number | None:
         return words[index] if index < len(words) else ""
 
     first = at(place)
+    if (pi := pi_of(first)) is not None:
+        return Number(pi, 1)
     if (dozens := _dozens(words, place)) is not None:
         return dozens
     if first in vague:
         return Number(float(vague[first]), 1, rough=True)
     if first in articles and at(place + 1) in vague:
         return Number(float(vague[at(place + 1)]), 2 + (at(place + 2) == "of"), rough=True)
-    if first in fractions and at(place + 1) == "pi":
-        return Number(float(fractions[first]) * numbers["pi"], 2)
     if first in fractions:
         return Number(float(fractions[first]), 1)
     if first in articles and at(place + 1) in fractions:
@@ -118,7 +136,7 @@ def _named(words: list[str], place: int) -> tuple[float, int]:
                 break
             used += 1
             continue
-        if word not in numbers:
+        if word not in numbers or (used and word == "pi"):
             break
         value = float(numbers[word])
         if value >= 1000:

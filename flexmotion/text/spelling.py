@@ -1,7 +1,7 @@
-"""Misspelt words replaced by known ones: `respelled`, to be suggested, and `directions_respelled`, to be done.
+"""Misspelt words replaced by known ones: `respelled`, to be suggested, and `as_meant`, to be done.
 
-A direction that is mistyped is done as it is meant, and a note says so: a listener hears the rest of the sentence
-alone, and "point to the lfet" is "point" to it. No other word is replaced in what is done.
+A direction or a count ("twice") that is mistyped is done as it is meant, and a note says so: a listener hears the rest
+of the sentence alone, and "point to the lfet" is "point" to it. No other word is replaced in what is done.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ LEAST_LIKENESS = 0.7
 """Least share of letters in common (`difflib`); "wlak" and "walk": 0.75."""
 _SHORTEST = 4
 """Letters of a word that is respelled: shorter ones are near too many."""
-_SHORTEST_DIRECTION = 3
-"""Letters of a word that is read as a direction: "lft"."""
+_SHORTEST_MEANT = 3
+"""Letters of a word that is read as a direction or a count: "lft"."""
 _FOREIGN_SHARE = 0.5
 """Share of unknown words from which on a sentence is taken for one of another language."""
 
@@ -40,17 +40,17 @@ def respelled(sentence: str) -> str | None:
     return sentence
 
 
-def directions_respelled(sentence: str, is_word: Callable[[str], bool]) -> tuple[str, tuple[str, ...]]:
-    """The sentence with its mistyped directions as they are meant, and a note of each.
+def as_meant(sentence: str, is_word: Callable[[str], bool]) -> tuple[str, tuple[str, ...]]:
+    """The sentence with its mistyped directions and counts as they are meant, and a note of each.
 
-    A word is a mistyped direction where one letter is wrong, missing or too many, or two neighbours are swapped.
+    A word is a mistyped one of them where one letter is wrong, missing or too many, or two neighbours are swapped.
 
     Args:
         is_word: whether a word in lower case is one of the language: "loft" is none that is mistyped.
     """
     notes = []
     for word in dict.fromkeys(unknown_words(sentence)):
-        meant = _direction_meant(word)
+        meant = _meant(word)
         if meant is None or is_word(word):
             continue
         sentence = _as_word(word).sub(meant, sentence)
@@ -63,15 +63,15 @@ def _as_word(word: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![^\W\d_]){re.escape(word)}(?![^\W\d_])", re.IGNORECASE)
 
 
-def _direction_meant(word: str) -> str | None:
-    """The direction that a mistyped word may mean, of several the one nearest by length; None where it means none."""
-    directions = [one for one in sorted(vocabulary().words("typed_directions")) if _is_mistyped(word, one)]
-    return min(directions, key=lambda one: abs(len(one) - len(word)), default=None)
+def _meant(word: str) -> str | None:
+    """Direction or count that a mistyped word may mean, of several the nearest by length; None: it means none."""
+    found = [one for one in sorted(vocabulary().words("read_mistyped")) if _is_mistyped(word, one)]
+    return min(found, key=lambda one: abs(len(one) - len(word)), default=None)
 
 
 def _is_mistyped(word: str, meant: str) -> bool:
     """Whether one letter differs, or two neighbours are swapped; the first letter differs by a swap alone."""
-    if word == meant or abs(len(word) - len(meant)) > 1 or len(word) < _SHORTEST_DIRECTION:
+    if word == meant or abs(len(word) - len(meant)) > 1 or len(word) < _SHORTEST_MEANT:
         return False
     same = next((place for place, (a, b) in enumerate(zip(word, meant, strict=False)) if a != b), len(meant))
     left, right = word[same:], meant[same:]

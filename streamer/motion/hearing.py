@@ -20,18 +20,19 @@ from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
-from flexmotion.text.ellipsis import with_side
+from flexmotion.text.ellipsis import other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.phrases import STAND, moves_head
+from flexmotion.text.phrases import STAND, limbs, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
 from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
 from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
-from flexmotion.text.spelling import directions_respelled
+from flexmotion.text.sides import LEFT, RIGHT, sides
+from flexmotion.text.spelling import as_meant
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
@@ -72,7 +73,7 @@ class Hearing:
             case Text(text) if (restricts := restriction_refusal(text)) is not None:
                 return self._refused(text, restricts, ())
             case Text(text):
-                meant, notes = directions_respelled(text, self.model.is_word)
+                meant, notes = as_meant(text, self.model.is_word)
                 program = self._sentence(meant, under_way, last)
                 heard = program.heard.model_copy(update={"asked": text, "notes": (*notes, *program.heard.notes)})
                 return replace(program, heard=heard) if notes else program
@@ -112,6 +113,8 @@ class Hearing:
                 plainly = clause.rate is not None and steps[-1].told.slowed is None
                 if plainly and self.speeds.one_speed(steps[-1], False) is None:
                     notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
+            if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
+                notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
         except RefusedError as refused:
@@ -124,7 +127,8 @@ class Hearing:
         for clause in wanted:
             asks = clause.asks is Asks.MOTION and clause.text
             dropped += self.model.prompt(clause.text).dropped if asks else ()
-        dropped += tuple(clause.manner for clause, step in zip(wanted, steps, strict=False) if _ignores(clause, step))
+        for clause, step in zip(wanted, steps, strict=False):
+            dropped += _ignored(clause, step)
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
         certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
         heard = Heard(
@@ -306,7 +310,7 @@ class Hearing:
                 return [self._measured(changed, usual_amount(changed, 1), 1)]
             before[-1] = changed
             return []
-        return [self._motion(clause, in_sequence)]
+        return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
         """For "repeat the turn": the last step of that motion; a gesture can be done without one before."""
@@ -369,7 +373,22 @@ class Hearing:
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
+    def _with_limb(self, clause: Clause, done: Sequence[Step]) -> Clause:
+        """The clause with the side of "the other hand": not that of the last gesture which one hand made."""
+        limb = other_limb(clause.text)
+        if limb is None or len(sides(self.model.prompt(clause.text).kind)) != 1:
+            return clause  # "add the other hand and wave both"
+        groups: dict[str, list[str]] = vocabulary().table["limb_groups"]
+        for step in reversed(done):
+            used = {name for group in limbs(step.kind) or () for name in groups[group]}
+            side = sides(step.kind)
+            if len(side) == 1 and limb in used and step.turn == 0 and step.axis == (0, 0):
+                return replace(clause, text=with_limb(clause.text, LEFT if RIGHT in side else RIGHT))
+        raise RefusedError(f"{clause.said!r}: which {limb}? say left or right")
+
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
+        if not clause.text:
+            raise RefusedError(f"{clause.said!r} is not understood: it names no motion")
         prompt = self.model.prompt(clause.text)
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
             if part_phrase(clause.said) is not None:
@@ -446,11 +465,21 @@ def _covers(forbidden: str, kind: str) -> bool:
     return forbidden == kind
 
 
-def _ignores(clause: Clause, step: Step) -> bool:
-    """Whether an adverb changes no speed: of a gesture; up, of a turn on the spot; standing has none to speak of."""
+def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:
+    """Whether a request asks for no more than what is under way: "don't stop", "keep walking"."""
+    keeps = clause.asks is Asks.CONTINUE or "keep" in clause.text.split()
+    same = under_way is not None and [step.kind for step in steps] == [under_way.steps[-1].kind]
+    return keeps and clause.amount is None and same and steps[0].kind != STAND
+
+
+def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
+    """Adverbs that change nothing: any of a gesture; up, of a turn on the spot; standing has none to speak of."""
+    if clause.asks is not Asks.MOTION:
+        return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
-    return bool(clause.manner) and clause.asks is Asks.MOTION and (gesture or (on_the_spot and clause.speed > 1.0))
+    manner = clause.manner if gesture or (on_the_spot and clause.speed > 1.0) else ""
+    return tuple(said for said in (manner, clause.degree if gesture else "") if said)
 
 
 def _qualifies(clause: Clause) -> bool:

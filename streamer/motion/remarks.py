@@ -6,8 +6,9 @@ from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.speeds import Model
 from flexmotion.text.alarm import is_alarm
+from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import SAME
-from flexmotion.text.spelling import directions_respelled
+from flexmotion.text.spelling import as_meant
 
 
 def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
@@ -21,10 +22,11 @@ def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
     ):
         return heard.told()
     # A sentence is taken for one kind of motion, which may not be the one that was meant.
-    prompt = model.prompt(directions_respelled(intent.text, model.is_word)[0])
-    if prompt.warning is not None:
+    prompt = model.prompt(as_meant(intent.text, model.is_word)[0])
+    goes_on = prompt.warning is not None and program.steps[0].kind != STAND  # "don't stop" is no prohibition
+    if prompt.warning is not None and not goes_on:
         return prompt.warning
-    exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
+    exact = heard.manner is None and not goes_on and (prompt.likeness >= SAME or intent.text == prompt.kind)
     found = [] if exact else [f"heard as {heard.heard_as}" + (f", {heard.manner}" if heard.manner else "")]
     found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
     found += list(heard.notes)

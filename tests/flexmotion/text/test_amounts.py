@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from flexmotion.text import amounts
@@ -114,3 +116,72 @@ def test_two_numbers_behind_between_are_not_added() -> None:
 def test_per_without_a_number_is_a_word() -> None:
     """A refusal of every "per" would refuse "walk as per usual"."""
     assert all(clause.refusal is None for clause in parse("walk as per usual"))
+
+
+@pytest.mark.parametrize(
+    ("said", "degrees"),
+    [
+        ("pi/2 radians", 90.0),
+        ("pi / 3 rad", 60.0),
+        ("3*pi/4 radians", 135.0),
+        ("3π/4 radians", 135.0),
+        ("two pi radians", 360.0),
+        ("half pi radians", 90.0),
+    ],
+)
+def test_parts_and_multiples_of_pi_are_numbers(said: str, degrees: float) -> None:
+    """The words "turn pi/2 radians left" turned by 2 rad: the "pi/" was lost."""
+    amount = parse(f"turn {said} left")[0].amount
+    assert amount is not None and math.degrees(amount.value) == pytest.approx(degrees)
+
+
+@pytest.mark.parametrize("said", ["pi/foo", "pi/0", "pi/", "2+pi/4", "1/pi", "2 + pi"])
+def test_no_other_sum_or_fraction_is_made_with_pi(said: str) -> None:
+    """The words "turn pi/foo radians left" turned on without an end."""
+    (clause,) = parse(f"turn {said} radians left")
+    assert clause.refusal is not None and "expected a multiple of pi" in clause.refusal
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["walk two", "walk two forward", "walk for two", "walk one", "turn left two", "wave two", "walk two metrs"],
+)
+def test_a_number_in_words_needs_a_unit_as_one_in_digits_does(sentence: str) -> None:
+    """The words "walk two" were a walk without an end, while "walk 2" was refused."""
+    (clause,) = parse(sentence)
+    assert clause.refusal == parse("walk 2")[0].refusal is not None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "meant"),
+    [
+        ("walk thre metres", "three"),
+        ("walk fiv steps", "five"),
+        ("turn left nintey degrees", "ninety"),
+        ("wave thre times", "three"),
+    ],
+)
+def test_a_misspelt_number_in_front_of_a_unit_is_refused_with_the_number(sentence: str, meant: str) -> None:
+    """The words "walk thre metres" were a walk without an end."""
+    (clause,) = parse(sentence)
+    assert clause.refusal is not None and clause.refusal.endswith(f"expected a number; try: {meant}")
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "take dainty steps",
+        "raise two hands",
+        "wave with two hands",
+        "wave two times",
+        "take two steps",
+        "walk in one line",
+        "walk with two bags",
+        "wave at two people",
+        "walk a step or two",
+        "head toward bay six",
+    ],
+)
+def test_a_number_in_words_that_counts_or_names_something_is_not_refused(sentence: str) -> None:
+    """A refusal of every number in words would refuse "raise two hands"."""
+    assert all(clause.refusal is None or "number" not in clause.refusal for clause in parse(sentence))

@@ -279,3 +279,25 @@ def test_a_little_hurry_changes_the_speed_of_the_motion_under_way(sentence: str,
 def test_a_prohibition_behind_a_request_forbids_no_more_than_it_names(sentence: str, forbidden: list[bool]) -> None:
     """The robot stood for "walk without shoes", and said that nothing was asked for."""
     assert [clause.forbidden for clause in parse(sentence)] == forbidden
+
+
+@pytest.mark.parametrize(
+    ("sentence", "text", "amount"),
+    [
+        ("walk one meter forward, no, backward", "walk backward", "1 m"),
+        ("walk one meter forward, no, back", "back", "1 m"),
+        ("walk two steps forward, sorry, go back", "go back", "2 steps"),
+        ("turn left 90 degrees, no, turn right", "turn right", "90°"),
+        ("walk 1 m, no, turn left", "turn left", None),
+    ],
+)
+def test_a_corrected_direction_keeps_the_amount(sentence: str, text: str, amount: str | None) -> None:
+    """The words "walk one meter forward, no, backward" were a walk back without an end."""
+    (clause,) = parse(sentence)
+    assert clause.text == text and (None if clause.amount is None else str(clause.amount)) == amount
+
+
+def test_a_correction_that_is_refused_stays_refused() -> None:
+    """A place has no amount to keep: "walk forward 2 m, no, go to the door"."""
+    (clause,) = parse("walk forward 2 m, no, go to the door")
+    assert clause.refusal is not None

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.text.spelling import directions_respelled, respelled, unknown_words
+from flexmotion.text.spelling import as_meant, respelled, unknown_words
 
 
 @pytest.mark.parametrize("sentence", ["0aiQr", "2wlak", "walk2 _wlak"])
@@ -37,11 +37,18 @@ def test_what_is_suggested_has_no_unknown_words(sentence: str) -> None:
     ],
 )
 def test_a_direction_is_read_through_one_wrong_letter(typed: str, meant: str) -> None:
-    found, notes = directions_respelled(typed, lambda word: word == "loft")
+    found, notes = as_meant(typed, lambda word: word == "loft")
     assert found == meant and bool(notes) == (found != typed)
 
 
 @given(st.text(max_size=40))
 @settings(deadline=None)
 def test_no_text_is_changed_whose_words_are_known(text: str) -> None:
-    assert directions_respelled(text, lambda word: True) == (text, ())
+    assert as_meant(text, lambda word: True) == (text, ())
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("bow twise", "twice"), ("wave thrise", "thrice"), ("bow twce", "twice")])
+def test_a_count_is_read_through_one_wrong_letter(typed: str, meant: str) -> None:
+    """The words "bow twise" bowed once, and no word was said of it."""
+    verb, word = typed.split()
+    assert as_meant(typed, lambda word: False) == (f"{verb} {meant}", (f"{word!r} is read as {meant!r}",))

@@ -107,6 +107,78 @@ def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
         assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
 
 
+@pytest.mark.parametrize(
+    "say",
+    [
+        "do not stop",
+        "never stop",
+        "don't stop walking",
+        "please do not stop",
+        "don't stop, please",
+        "Please, don't stop walking",
+        "robot, do not stop",
+    ],
+)
+def test_what_is_not_to_stop_goes_on_and_the_note_says_so(hearing: Hearing, say: str) -> None:
+    """Went wrong: the note of "do not stop" was "the model stands still", and "please do not stop" was refused."""
+    program = hear(hearing, say, "walk forward")
+    remark = str(remark_on(hearing.model, Text(say), program))
+    assert moves(program) == ["walk"] and "it goes on" in remark and "stands still" not in remark
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "kinds"),
+    [
+        ("wave with the right hand", "wave with the other hand", ["wave-left-hand"]),
+        ("wave with the left hand", "Wave with the other arm", ["wave-right-hand"]),
+        ("raise your left hand", "wave with the other hand", ["wave-right-hand"]),
+        (
+            None,
+            "wave with the right hand, bow, then wave with the other hand",
+            ["wave-right-hand", "bow", "wave-left-hand"],
+        ),
+    ],
+)
+def test_the_other_hand_is_not_the_hand_before(hearing: Hearing, after: str | None, say: str, kinds: list[str]) -> None:
+    """Went wrong: "wave with the other hand" waved with the right hand after a wave with the right hand."""
+    assert moves(hear(hearing, say, after)) == kinds
+
+
+@pytest.mark.parametrize("after", [None, "bow", "walk to the left", "wave with both hands"])
+def test_the_other_hand_of_none_is_asked_for(hearing: Hearing, after: str | None) -> None:
+    program = hear(hearing, "wave with the other hand", after)
+    assert not moves(program) and "which hand? say left or right" in str(program.heard.reason)
+
+
+@pytest.mark.parametrize(
+    ("say", "dropped"),
+    [
+        ("bow a little", "a little"),
+        ("bow slightly", "slightly"),
+        ("bow very deeply", "very deeply"),
+        ("bow a bit deeper", "a bit deeper"),
+        ("squat deeply, then wave", "deeply"),
+        ("raise your arms a little", "a little"),
+        ("wave slowly", "slowly"),
+    ],
+)
+def test_how_large_a_gesture_is_asked_for_is_told_as_left_out(hearing: Hearing, say: str, dropped: str) -> None:
+    """Went wrong: "bow very deeply" was plainly accepted, and bowed as any bow."""
+    heard = hear(hearing, say).heard
+    assert heard.state == "partly" and heard.dropped == (dropped,)
+
+
+def test_a_walk_a_little_is_an_amount_and_a_little_bow_a_size(hearing: Hearing) -> None:
+    for say in ("walk a little", "turn left a little", "give me a little wave", "bow politely"):
+        assert hear(hearing, say).heard.dropped == ()
+
+
+def test_a_refusal_quotes_what_was_said(hearing: Hearing) -> None:
+    """Went wrong: the refusal of a sentence without a motion began with "'' is not understood"."""
+    reason = str(hear(hearing, "until further notice").heard.reason)
+    assert reason.startswith("'until further notice' is not understood")
+
+
 def test_what_no_robot_does_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
     """Went wrong: "fly to the moon" was refused by name, and nothing was named that works."""
     reason = str(hear(hearing, "fly to the moon").heard.reason)
