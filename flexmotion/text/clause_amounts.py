@@ -87,8 +87,16 @@ def counts_nothing(tokens: list[Token]) -> bool:
     return False
 
 
+MEASURES = ("met", "centim", "millim", "degree", "radian")
+"""Units that mean nothing else begin so; seconds, feet, turns and steps are also words of motions."""
+
+
 def unread_number(tokens: list[Token]) -> str | None:
-    """Why a unit has no number where the word in front of it is a misspelt one ("thre metres"); None: there is none."""
+    """Why a unit lacks a number: a misspelt one is in front of it ("thre metres"), or none; None: no unit lacks one.
+
+    Args:
+        tokens: what is left of a request once its amounts are read.
+    """
     known = vocabulary()
     numbers = [word for word in known.table["numbers"] if len(word) > 2]
     for word, unit in pairwise(tokens):
@@ -98,6 +106,9 @@ def unread_number(tokens: list[Token]) -> str | None:
             continue
         if meant := difflib.get_close_matches(word, numbers, 1, LEAST_LIKENESS):
             return f"{word!r}: expected a number; try: {meant[0]}"
+    for unit in tokens:
+        if isinstance(unit, str) and unit in known.units and unit.startswith(MEASURES):
+            return f"{unit!r} of what number? expected one, as in 'walk 2 metres'"
     return None
 
 

@@ -152,6 +152,13 @@ def test_a_number_in_words_needs_a_unit_as_one_in_digits_does(sentence: str) -> 
     assert clause.refusal == parse("walk 2")[0].refusal is not None
 
 
+@pytest.mark.parametrize("sentence", ["walk tow metres", "walk many meters", "turn left by degrees"])
+def test_a_unit_without_a_number_is_refused(sentence: str) -> None:
+    """The words "walk tow metres" were a walk without an end: "tow" is a word of its own."""
+    (clause,) = parse(sentence)
+    assert clause.refusal is not None and "of what number?" in clause.refusal
+
+
 @pytest.mark.parametrize(
     ("sentence", "meant"),
     [
