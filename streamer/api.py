@@ -22,6 +22,7 @@ from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.importers import load
+from flexmotion.retarget.standing_load import overloaded
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.listening import Listening, listen
@@ -275,7 +276,9 @@ def open_session(
     if mirror is not None:
         mirror_from(session, mirror)
     # Before the run only: once it has started, the loop is the ring's one writer.
-    for remark in (*unusual_numbers(robot), *(source.remarks if isinstance(source, Performance) else ())):
+    weak = overloaded(robot)
+    remarks = [*unusual_numbers(robot), *([] if weak is None else [weak])]
+    for remark in (*remarks, *(source.remarks if isinstance(source, Performance) else ())):
         session.telemetry.emit(0, "note", remark)
     if log is not None:
         record_to(Path(log), session, clock)

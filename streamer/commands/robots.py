@@ -57,13 +57,14 @@ def show(
     from flexmotion.configs.tunable import unusual_numbers
     from flexmotion.retarget.footsteps import short_sight
     from flexmotion.retarget.legs import SIDE_NAMES, Leg
+    from flexmotion.retarget.standing_load import overloaded
 
     if robot is not None:
         chosen = load_robot(robot)
         for side in SIDE_NAMES:
             Leg.of(chosen, side)
         short = short_sight(chosen, load_stream())
-        warnings = [*unusual_numbers(chosen), *([] if short is None else [short])]
+        warnings = [*unusual_numbers(chosen), *(one for one in (short, overloaded(chosen)) if one is not None)]
         if as_json:
             print_json(_detail(chosen) | {"warnings": warnings})
         else:
