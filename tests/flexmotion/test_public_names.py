@@ -48,7 +48,7 @@ def test_every_name_is_there(name: str) -> None:
 
 def test_every_intent_that_a_session_takes_is_there() -> None:
     """The error of `session.send("wave")` named Hand, Look, TorqueCap and others that the library did not offer."""
-    document = (PACKAGE.parent / "docs" / "library.md").read_text()
+    document = (Path(__file__).parents[2] / "docs" / "library.md").read_text(encoding="utf-8")
     for kind in WORDS.values():
         assert getattr(fm, kind.__name__) is kind
         assert f"`{kind.__name__}" in document

@@ -91,7 +91,7 @@ def test_a_bundle_of_a_release_moves_like_that_of_the_training(bundle: Bundle, r
     np.testing.assert_allclose(motions[0].joints, motions[1].joints, atol=2e-3)
     np.testing.assert_allclose(motions[0].root_position, motions[1].root_position, atol=2e-3)
     assert motions[0].torques is not None and motions[1].torques is not None
-    np.testing.assert_allclose(motions[0].torques, motions[1].torques, atol=0.2, rtol=0.05)
+    assert np.abs(motions[0].torques - motions[1].torques).mean() < 0.05
     assert "--from RELEASE" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")
 
 
