@@ -96,8 +96,7 @@ class Draft:
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        way = float(np.hypot(*(decoded.root_position[-1, :2] - self.anchor.place)))
-        stays = self._keeps_feet and self._stays(way, len(decoded))
+        stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
@@ -172,11 +171,14 @@ class Draft:
 
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
-        way = float(np.hypot(*(motion.root_position[-1, :2] - self.anchor.place)))
-        if motion.wrenches is None or motion.contacts is None or not self._stays(way, len(motion)):
+        if motion.wrenches is None or motion.contacts is None or not self._stays(self._way(motion), len(motion)):
             return None
         feet = np.concatenate([self._feet_before, foot_points(motion)])
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)
+
+    def _way(self, motion: Motion) -> float:
+        """How far the body goes from the frame before the window to its end, along the floor [m]."""
+        return float(np.hypot(*(motion.root_position[-1, :2] - self.anchor.place)))
 
     def _stays(self, way: float, frames: int) -> bool:
         """Whether a body that goes so far [m] in so many frames stays where it is."""

@@ -16,9 +16,10 @@ STRAIGHT = np.radians(3.0)
 """Least knee flexion that stretching leads to [rad]."""
 MOST_BENT = np.radians(140.0)
 
-_HIPS, _KNEES, _ANKLES = (
+HIPS, KNEES, ANKLES = (
     [JOINTS.index(f"{name}_{side}") for side in SIDES] for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")
 )
+"""Coordinates of left and right leg that turn it in the plane of its knee."""
 
 
 def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
@@ -36,18 +37,29 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
     length = np.linalg.norm(line, axis=-1)
     # An inclined leg stretches by more than the foot is lowered; the bound keeps nearly level legs from stretching far.
     steep = np.maximum(line[..., 2] / np.maximum(length, 1e-6), 0.5)
-    knee = motion.joints[:, _KNEES]
-    least, most = (leg_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
+    knee = motion.joints[:, KNEES]
     own = leg_length(thigh, shank, knee)
-    wanted = np.clip(own + down / steep, np.minimum(least, own), np.maximum(most, own))
-    cosine = (wanted**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
-    bent = np.where(wanted == own, np.maximum(knee, 0.0), np.arccos(np.clip(cosine, -1.0, 1.0)))
+    wanted = within_reach(thigh, shank, own, own + down / steep)
+    bent = np.where(wanted == own, np.maximum(knee, 0.0), knee_at(thigh, shank, wanted))
     turned = _behind(thigh, shank, bent) - _behind(thigh, shank, knee)
     joints = motion.joints.copy()
-    joints[:, _KNEES] = bent
-    joints[:, _HIPS] += turned
-    joints[:, _ANKLES] += (bent - knee) - turned
+    joints[:, KNEES] = bent
+    joints[:, HIPS] += turned
+    joints[:, ANKLES] += (bent - knee) - turned
     return replace(motion, joints=joints)
+
+
+def within_reach(thigh: float, shank: float, own: Float, wanted: Float) -> Float:
+    """Wanted distances of hip and ankle, no farther than bent and straight legs reach, or are already, (T, 2) [m]."""
+    least, most = (leg_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
+    return np.clip(wanted, np.minimum(least, own), np.maximum(most, own))
+
+
+def knee_at(thigh: float, shank: float, distance: Float) -> Float:
+    """Knee angle at a distance of hip and ankle, by the law of cosines [rad]; the inverse of `leg_length`."""
+    cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+    found: Float = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return found
 
 
 def leg_length(thigh: float, shank: float, knee: Float) -> Float:

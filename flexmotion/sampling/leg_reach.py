@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import cross, unit
-from flexmotion.sampling.leg_length import MOST_BENT, STRAIGHT, leg_length
+from flexmotion.sampling.leg_length import ANKLES, KNEES, knee_at, leg_length, within_reach
 from flexmotion.spatial.rotations import matrices
 
 Float = NDArray[np.float64]
@@ -25,10 +25,8 @@ TILTS = 3
 """Times that a leg is solved for its sole, which tilts with it: moved by .1 m it is 17 mm off, then 3, then .5."""
 AHEAD = np.array([1.0, 0.0, 0.0])
 
-_KNEES, _ANKLES = (
-    [JOINTS.index(f"{name}_{side}") for side in SIDES] for name in ("knee_flexion", "ankle_dorsiflexion")
-)
-_HIPS = [[ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES]
+HIP_BALLS = [[ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES]
+"""Left and right hip among `joint_groups.BALLS`."""
 
 
 def reached(body: Body, hips: Float, knees: Float, ankles: Float, wanted: Float) -> tuple[Float, Float, Float]:
@@ -41,12 +39,8 @@ def reached(body: Body, hips: Float, knees: Float, ankles: Float, wanted: Float)
         wanted: from the hips to the ankles in the axes of the pelvis, (T, 2, 3) [m].
     """
     thigh, shank = body.segments.thigh, body.segments.shank
-    least, most = (leg_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
-    own = leg_length(thigh, shank, knees)
     distance = np.sqrt(np.einsum("tsi,tsi->ts", wanted, wanted))
-    distance = np.clip(distance, np.minimum(least, own), np.maximum(most, own))
-    cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
-    bent = np.arccos(np.clip(cosine, -1.0, 1.0))
+    bent = knee_at(thigh, shank, within_reach(thigh, shank, leg_length(thigh, shank, knees), distance))
     found = _least_rotation(unit(turned(hips, leg(body, bent))), unit(wanted)) @ hips
     pitch = knees - ankles
     ahead = turned(found.swapaxes(-1, -2), turned(hips, pitched(pitch, AHEAD)))
@@ -65,7 +59,7 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     body, segments = motion.body, motion.body.segments
     sole = np.array([0.5 * (segments.ball - segments.heel), 0.0, -segments.ankle_height])
     balls = ball_matrices(motion.joints)
-    hips, knees, ankles = balls[:, _HIPS], motion.joints[:, _KNEES], motion.joints[:, _ANKLES]
+    hips, knees, ankles = balls[:, HIP_BALLS], motion.joints[:, KNEES], motion.joints[:, ANKLES]
     # From hip to ankle, and from there to the sole, in the axes of the pelvis.
     own, beyond = turned(hips, leg(body, knees)), turned(hips, pitched(knees - ankles, sole))
     moves = np.asarray(by.any(axis=-1))
@@ -74,11 +68,11 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     for _ in range(TILTS):
         found, bent, dorsal = reached(body, hips, knees, ankles, own + by + beyond - foot)
         foot = turned(found, pitched(bent - dorsal, sole))
-    balls[:, _HIPS] = np.where(moves[..., None, None], found, hips)
+    balls[:, HIP_BALLS] = np.where(moves[..., None, None], found, hips)
     joints = motion.joints.copy()
-    joints[:, BALL_COLUMNS[_HIPS]] = ball_angles(balls, before[BALL_COLUMNS])[:, _HIPS]
-    joints[:, _KNEES] = np.where(moves, bent, knees)
-    joints[:, _ANKLES] = np.where(moves, dorsal, ankles)
+    joints[:, BALL_COLUMNS[HIP_BALLS]] = ball_angles(balls, before[BALL_COLUMNS])[:, HIP_BALLS]
+    joints[:, KNEES] = np.where(moves, bent, knees)
+    joints[:, ANKLES] = np.where(moves, dorsal, ankles)
     return replace(motion, joints=joints)
 
 

@@ -13,7 +13,7 @@ from flexmotion.features.joint_groups import BALLS, HINGES, PELVIS_SIZE, matrix,
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.skeleton import SIDES
-from flexmotion.sampling.leg_reach import reached, turned
+from flexmotion.sampling.leg_reach import HIP_BALLS, reached, turned
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -22,7 +22,7 @@ _FIRST = PELVIS_SIZE + 6 * len(BALLS)
 _KNEES, _ANKLES = (
     [_FIRST + HINGES.index(f"{name}_{side}") for side in SIDES] for name in ("knee_flexion", "ankle_dorsiflexion")
 )
-_PARTS = [0, *(1 + [ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES)]
+_PARTS = [0, *(1 + ball for ball in HIP_BALLS)]
 """The pelvis and both hips among the rotations of two columns."""
 _PLACES = [POINTS.index(f"ankle_{side}") for side in SIDES]
 

@@ -23,7 +23,8 @@ def remark_on(model: Model, intent: Intent, program: Program) -> str | None:
         return heard.told()
     # A sentence is taken for one kind of motion, which may not be the one that was meant.
     prompt = model.prompt(as_meant(intent.text, model.is_word)[0])
-    goes_on = prompt.warning is not None and program.steps[0].kind != STAND  # "don't stop" is no prohibition
+    # "Don't stop" is read as a prohibition, but the robot goes on.
+    goes_on = prompt.warning is not None and program.steps[0].kind != STAND
     if prompt.warning is not None and not goes_on:
         return prompt.warning
     exact = heard.manner is None and not goes_on and (prompt.likeness >= SAME or intent.text == prompt.kind)

@@ -79,7 +79,7 @@ def test_kinds_that_a_bundle_refuses_do_not_count_against_it(capsys: pytest.Capt
     assert "not offered, 1: clap (7 %)" in capsys.readouterr().out
     assert [verdict.holds for verdict in judged_shares(shares, list(shares), 20, 1000).verdicts] == [False, False]
     told = judged_shares({"walk": 1.0, "nonsense": 1.0}, ["walk", "nonsense"], 20, 0).verdicts[0].sentence
-    assert told.startswith("done: 100.0 % of 1 kinds"), "nonsense is no kind"
+    assert told.startswith("done: 100.0 % of 1 kinds"), "nonsense is not counted as a kind"
     assert [one.holds for one in judged_shares({"walk": 1.0, "bow": 0.84}, ["walk", "bow"], 20, 0).verdicts] == [
         False,
         False,

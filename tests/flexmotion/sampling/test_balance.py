@@ -53,7 +53,7 @@ def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
 
     assert capture_point(falls) > 0.5
     assert abs(capture_point(stands)) < 0.05
-    # Nobody stands over feet that move along.
+    # Feet that move along do not hold a body: nothing changes.
     along = [horizontal_shift(needs, bounds, np.zeros(FRAMES), stands=on) for on in (True, False)]
     np.testing.assert_array_equal(*along)
     assert zmp(needs, stands)[FRAMES - 10 : FRAMES - 2].max() < 0.06

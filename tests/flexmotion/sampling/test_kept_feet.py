@@ -16,15 +16,7 @@ from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.kept_feet import FARTHEST, kept, resting
 from flexmotion.streamer.api import open_sampler
 
-FPS, FRAMES = 30.0, 32
-LOADED = np.ones((FRAMES, 2), np.bool_)
-
-
-def standing() -> np.ndarray:
-    """Heel and toe of two feet that stand still, (1 + W, 2, 2, 3) [m]."""
-    feet = np.zeros((1 + FRAMES, 2, 2, 3))
-    feet[:, 0, :, 1], feet[:, 1, :, 1], feet[:, :, 1, 0] = 0.1, -0.1, 0.2
-    return feet
+from .standing_feet import FPS, FRAMES, LOADED, standing
 
 
 def moves(feet: np.ndarray, contacts: np.ndarray) -> np.ndarray:

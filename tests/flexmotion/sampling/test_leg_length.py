@@ -9,20 +9,16 @@ import pytest
 
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS, SIDES
-from flexmotion.importers.default_clip import default_clip
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.leg_length import STRAIGHT, lowered
 
-KNEES = [JOINTS.index(f"knee_flexion_{side}") for side in SIDES]
+from .bent_knees import KNEES, bent_walk
 
 
 @pytest.fixture(scope="module")
 def walking() -> Motion:
     """Some steps with knees bent enough to be stretched."""
-    motion = default_clip()[225:330]
-    joints = motion.joints.copy()
-    joints[:, KNEES] = np.maximum(joints[:, KNEES], 0.6)
-    return replace(motion, joints=joints)
+    return bent_walk(0.6)
 
 
 @pytest.mark.parametrize("down", [-0.05, -0.02, 0.01, 0.03])

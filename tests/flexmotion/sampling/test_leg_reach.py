@@ -21,26 +21,21 @@ from flexmotion.sampling.leg_length import STRAIGHT
 from flexmotion.sampling.leg_reach import shifted
 from flexmotion.sampling.placed_legs import placed
 
-KNEES = [JOINTS.index(f"knee_flexion_{side}") for side in SIDES]
+from .bent_knees import KNEES, bent_walk
+
 LAYOUT = Layout(30.0)
 
 
 @pytest.fixture(scope="module")
 def walking() -> Motion:
     """Some steps with knees bent enough to be stretched."""
-    motion = default_clip()[225:330]
-    joints = motion.joints.copy()
-    joints[:, KNEES] = np.maximum(joints[:, KNEES], 0.6)
-    return replace(motion, joints=joints)
+    return bent_walk(0.6)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.tuples(*[st.floats(-0.12, 0.12) for _ in range(4)]), st.floats(0.0, 0.05))
 def test_soles_are_moved_where_they_are_wanted_and_keep_their_pitch(ways: tuple[float, ...], up: float) -> None:
-    motion = default_clip()[225:330]
-    joints = motion.joints.copy()
-    joints[:, KNEES] = np.maximum(joints[:, KNEES], 0.9)
-    motion = replace(motion, joints=joints)
+    motion = bent_walk(0.9)
     by = np.zeros((len(motion), 2, 3))
     by[..., :2], by[..., 2] = np.array(ways).reshape(2, 2), up
     found = shifted(motion, by, motion.joints[0])
@@ -79,10 +74,7 @@ def ankles_of(features: np.ndarray, body: Body) -> np.ndarray:
 @given(st.tuples(*[st.floats(-0.03, 0.03) for _ in range(4)]), st.floats(0.0, 0.03))
 def test_decoded_ankles_are_where_they_were_decoded_to_be(ways: tuple[float, ...], up: float) -> None:
     """Sampled walks were 3 cm narrower than people's: ankles of the joints were not where the decoder had them."""
-    motion = default_clip()[225:330]
-    joints = motion.joints.copy()
-    joints[:, KNEES] = np.maximum(joints[:, KNEES], 0.6)
-    motion = replace(motion.kinematics, joints=joints)
+    motion = bent_walk(0.6).kinematics
     features = encode(motion, LAYOUT)
     places = features[:, LAYOUT.blocks["positions"]].reshape(len(features), -1, 3)
     ankles = [POINTS.index(f"ankle_{side}") for side in SIDES]

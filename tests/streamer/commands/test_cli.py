@@ -141,7 +141,7 @@ BAD_USAGE = {
     "not YAML": (["dry-run", "--perturb", "slope_deg=[1"], "slope_deg: not a YAML value"),
     "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
     "heading beyond a turn": (["send", "--heading", "450"], "--heading: 450 is beyond a turn, expected -360 to 360"),
-    # Angles of these two were refused in radians, which nobody had typed.
+    # Angles of these two are typed in degrees, and were refused in radians.
     "joint beyond a turn": (["send", "--joint", "l_el", "450"], "--joint: 450 is beyond a turn, expected -360 to 360"),
     "toes beyond half a turn": (
         ["send", "--foot", "left", "0", ".1", "--heading", "200"],
