@@ -26,26 +26,15 @@ MEASURED_S = 32 / 30
 """Heading, place and velocity are means over this time, about one gait cycle: a walking pelvis turns by 5° to each
 side within it [s]."""
 
-MOST_TURNED, MOST_ASIDE = np.radians(20.0), 0.1
-"""Greatest error of the heading, and way to its line, that one window is asked to make up for [rad, m]. The way is a
-step aside of a walker: with .2 m a walk is off its heading by up to 4.5°, with .1 m by 2."""
+MOST_TURNED, MOST_AWAY = np.radians(20.0), 0.1
+"""Greatest error of the heading, and way to its place or line, that one window is asked to make up for [rad, m]. The way
+is a step aside of a walker: with .2 m a walk is off its heading by up to 4.5°, with .1 m by 2."""
 
 MOST_SWING = 0.2
 """Greatest difference of the mean headings of the end of a gait cycle and of all of it that is a pelvis's own [rad]."""
 
 FARTHEST = np.pi - 0.3
 """A window is asked to turn by no more than this: further on, the other way round is nearer [rad]."""
-
-SLIGHT = 0.05
-"""Slower turns than this go along a line that turns [rad/s]; of others no place is asked."""
-
-SUMMED, MOST_SUM = 0.3, 1.0
-"""Share of the sum of the ways to its line of a walk sideways that is asked for on top, and the most of that sum [m]: a
-model that walks ahead meanwhile does so in every window."""
-
-SAME_WAY, SAME_SPEED = np.radians(20.0), 0.1
-"""A line whose direction changes by no more than this goes on [rad], else a new one begins where the body is. What was
-lacked before counts on at a speed that changes by no more [m/s]."""
 
 CATCHING_UP, FASTER = 0.1, 0.4
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
@@ -76,21 +65,23 @@ class Course:
         led: headings to have had in the frames that are measured, (N,), up to the begin of the next window [rad]; None:
             not known yet.
         rate: turning of the last window that was asked for [rad/s].
-        place: point of the line to walk along, beside the body, or where to stand, (2,) [m].
+        way: places to have had in those frames of who moves at a velocity, (N, 2) [m]; None: of nobody else.
+        going: velocity of the last window in its own heading, forward and left [m/s].
+        place: point of the line to walk along by words, beside the body, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
         rested: whether who stands came to rest, at its place.
-        aside: sum of the ways to the line that a walk sideways was off it [m].
-        slow: sum of what the speed lacked [m/s].
+        slow: sum of what the speed of words lacked [m/s].
         frames: for which the request has been followed.
         request: what it is followed for.
     """
 
     led: Float | None = None
     rate: float = 0.0
+    way: Float | None = None
+    going: tuple[float, float] = (0.0, 0.0)
     place: tuple[float, float] = (0.0, 0.0)
     direction: float | None = None
     rested: bool = False
-    aside: float = 0.0
     slow: float = 0.0
     frames: int = 0
     request: Condition | None = None
@@ -122,7 +113,8 @@ class Course:
         rate = 0.0 if own is None else own[2]
         direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
         course, led = self._led_to(measured, past.fps, played)
-        course = replace(course._on(request, direction, measured, played), led=led, rate=rate)
+        way = course._way_to(led, past, played) if direction is not None and request.velocity is not None else None
+        course = replace(course._on(request, direction, measured, played), led=led, rate=rate, way=way, going=going)
         # Asked is the mean heading of the window's end, of a body that turns evenly from where it should be by now and
         # swings as it did.
         error = wrapped(float(led.mean()) - measured.heading)
@@ -138,15 +130,14 @@ class Course:
             moves = not rate and (own is not None or float(np.hypot(*more)) > RETURNED * NEAR / window)
         else:
             moves = not rate or request.velocity is not None  # words of turning turn by themselves
-            sideways = abs(going[1]) > abs(going[0])
-            if abs(rate) < SLIGHT:
-                course, line = course._beside(measured, played / frames, sideways=sideways)
+            if way is not None:
+                course, place = course._onward(measured, frames, past.fps)
+                asked = asked.mean_place(anchor.local(np.array([[*place, 0.0]]))[0, :2])
+            elif not rate:
+                course, line = course._beside(measured)
                 place = anchor.local(np.array([[*line, 0.0]]))[0, :2]
                 asked = asked.mean_place(place, float(led[-1]) + direction - anchor.yaw)
-            else:
-                course = replace(course, place=measured.place)
-            # Sideways models are slow whatever they are asked for, and walk ahead where they are asked for more.
-            if own is not None and not sideways:
+            if own is not None and way is None:
                 course, more = course._sped(measured, hypot(*going), played / frames)
         request = replace(request, constraints=asked)
         if not moves:
@@ -169,33 +160,19 @@ class Course:
             course, led = Course(), np.full(round(MEASURED_S * fps), measured.heading)
         return course, led
 
+    def _way_to(self, led: Float, past: Motion, played: int) -> Float:
+        """Places to have had in the last frames, (N, 2), with so many of the last window; begins at those that were."""
+        if self.way is None:
+            return past.root_position[-len(led) :, :2].copy()
+        steps = _turned(self.going, led[len(led) - min(played, len(led)) :]) / past.fps
+        return np.concatenate([self.way, self.way[-1] + np.cumsum(steps, axis=0)])[-len(led) :]
+
     def _on(self, request: Condition, direction: float | None, measured: _Measured, played: int) -> Course:
         """The course for a request: the line of another one begins here, the heading stays."""
-        course, travels = self, direction is not None
-        if self.request == request and travels == (self.direction is not None):
-            course = replace(self, frames=self.frames + played)
-        elif self._goes_on(request) and travels and self.direction is not None:
-            assert direction is not None
-            course = replace(self, frames=self.frames + played, request=request)
-            # At another speed the line stays, beside the body, where its direction does.
-            if abs(wrapped(direction - self.direction)) > SAME_WAY:
-                course = replace(course, place=measured.place, aside=0.0)
-            if self._another_speed(request):
-                course = replace(course, slow=0.0, frames=0)
-        else:
-            course = replace(self, place=measured.place, rested=False, aside=0.0, slow=0.0, frames=0, request=request)
-        return replace(course, direction=direction)
-
-    def _goes_on(self, request: Condition) -> bool:
-        """Whether a request is the one before at another velocity."""
-        before = self.request
-        if before is None or before.velocity is None or request.velocity is None:
-            return False
-        return replace(before, velocity=None, pace=None) == replace(request, velocity=None, pace=None)
-
-    def _another_speed(self, request: Condition) -> bool:
-        assert self.request is not None and self.request.velocity is not None and request.velocity is not None
-        return hypot(*np.subtract(request.velocity, self.request.velocity)[:2]) > SAME_SPEED
+        if self.request == request and (direction is not None) == (self.direction is not None):
+            return replace(self, frames=self.frames + played, direction=direction)
+        fresh = Course(self.led, self.rate, self.way, self.going)
+        return replace(fresh, place=measured.place, direction=direction, request=request)
 
     def _back(self, measured: _Measured, window: float) -> tuple[Course, Float]:
         """The course of who stands, and the velocity that leads to its place, (2,) [m/s].
@@ -210,24 +187,28 @@ class Course:
         more = RETURNED / window * np.array([c * x + s * y, -s * x + c * y])
         return course, more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
 
-    def _beside(self, measured: _Measured, share: float, *, sideways: bool) -> tuple[Course, Float]:
-        """The course of who travels, and a place of its line that the next window is to be on, (2,) [m].
+    def _onward(self, measured: _Measured, frames: int, fps: float) -> tuple[Course, Float]:
+        """The course of who moves at a velocity, and where it is to be at the end of a next window, (2,) [m].
 
-        Args:
-            measured: of the motion so far.
-            share: of the last window that was played: what is summed grows by as much.
-            sideways: whether it travels so.
+        What it is behind, ahead or aside by more than a window makes up for is forgotten: nobody hurries afterwards.
         """
+        assert self.led is not None and self.way is not None and self.direction is not None
+        angle = float(self.led[-1]) + self.direction
+        axes = np.array([[cos(angle), sin(angle)], [-sin(angle), cos(angle)]])
+        lag = axes @ (self.way.mean(axis=0) - measured.place)
+        way = self.way + (np.clip(lag, -MOST_AWAY, MOST_AWAY) - lag) @ axes
+        headings = float(self.led[-1]) + self.rate / fps * np.arange(1, frames + 1)
+        coming = way[-1] + np.cumsum(_turned(self.going, headings), axis=0) / fps
+        return replace(self, way=way), end_mean(coming)
+
+    def _beside(self, measured: _Measured) -> tuple[Course, Float]:
+        """The course of who travels by words, and a place of its line that the next window is to be on, (2,) [m]."""
         assert self.led is not None and self.direction is not None
         angle = float(self.led[-1]) + self.direction
         left, here = np.array([-sin(angle), cos(angle)]), np.asarray(measured.place)
         across = float(left @ (here - self.place))
-        step, aside = float(np.clip(across, -MOST_ASIDE, MOST_ASIDE)), self.aside
-        if sideways:
-            aside = float(np.clip(aside + share * step, -MOST_SUM, MOST_SUM))
-            step += SUMMED * aside
         x, y = (float(value) for value in here - across * left)
-        return replace(self, place=(x, y), aside=aside), here - step * left
+        return replace(self, place=(x, y)), here - float(np.clip(across, -MOST_AWAY, MOST_AWAY)) * left
 
     def _sped(self, measured: _Measured, speed: float, share: float) -> tuple[Course, Float]:
         """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]; `share`: see above."""
@@ -237,6 +218,12 @@ class Course:
             most = FASTER / CATCHING_UP
             slow = float(np.clip(slow + share * (speed - ahead @ measured.velocity), -most, most))
         return replace(self, slow=slow), CATCHING_UP * slow * ahead
+
+
+def _turned(going: tuple[float, float], headings: Float) -> Float:
+    """A velocity in the own heading, at each heading (N,), in the world, (N, 2) [m/s]."""
+    c, s = np.cos(headings), np.sin(headings)
+    return np.stack([c * going[0] - s * going[1], s * going[0] + c * going[1]], axis=1)
 
 
 @dataclass(frozen=True)
