@@ -1,8 +1,9 @@
 """`Course`: keeps what is asked straight, in its place, or turning as fast as it is asked, window by window.
 
 A model's windows are right each by itself; small errors of their turning and place add up over minutes. The course
-remembers heading and place, and asks the next window for a mean heading, and for a mean place on its line, beside the
-words (`Constraints.mean_heading`, `mean_place`): the motion remains one that the model makes.
+remembers heading and place, and asks the next window for a mean heading, and for a mean place, beside the words
+(`Constraints.mean_heading`, `mean_place`): the motion remains one that the model makes. At a velocity that place is
+where the velocity leads by then; words of walking, whose speed is the model's own, are asked for their line alone.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ MEASURED_S = 32 / 30
 side within it [s]."""
 
 MOST_TURNED, MOST_AWAY = np.radians(20.0), 0.1
-"""Greatest error of the heading, and way to its place or line, that one window is asked to make up for [rad, m]. The way
-is a step aside of a walker: with .2 m a walk is off its heading by up to 4.5°, with .1 m by 2."""
+"""Greatest error of the heading, and way to its place or line, that one window is asked to make up for [rad, m]. The
+way is a step aside of a walker: with .2 m a walk is off its heading by up to 4.5°, with .1 m by 2."""
 
 MOST_SWING = 0.2
 """Greatest difference of the mean headings of the end of a gait cycle and of all of it that is a pelvis's own [rad]."""
@@ -188,18 +189,20 @@ class Course:
         return course, more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
 
     def _onward(self, measured: _Measured, frames: int, fps: float) -> tuple[Course, Float]:
-        """The course of who moves at a velocity, and where it is to be at the end of a next window, (2,) [m].
+        """The course of who moves at a velocity, and where it is to be at the end of the next window, (2,) [m].
 
-        What it is behind, ahead or aside by more than a window makes up for is forgotten: nobody hurries afterwards.
+        A body that is further behind or ahead than a window makes up for does not hurry or wait afterwards; what it is
+        aside of its way is made up for in several windows.
         """
         assert self.led is not None and self.way is not None and self.direction is not None
         angle = float(self.led[-1]) + self.direction
-        axes = np.array([[cos(angle), sin(angle)], [-sin(angle), cos(angle)]])
-        lag = axes @ (self.way.mean(axis=0) - measured.place)
-        way = self.way + (np.clip(lag, -MOST_AWAY, MOST_AWAY) - lag) @ axes
-        headings = float(self.led[-1]) + self.rate / fps * np.arange(1, frames + 1)
+        ahead, left = np.array([cos(angle), sin(angle)]), np.array([-sin(angle), cos(angle)])
+        off = np.asarray(measured.place) - self.way.mean(axis=0)
+        along, across = _beyond(float(ahead @ off)), _beyond(float(left @ off))
+        way = self.way + along * ahead
+        headings: Float = self.led[-1] + self.rate / fps * np.arange(1, frames + 1)
         coming = way[-1] + np.cumsum(_turned(self.going, headings), axis=0) / fps
-        return replace(self, way=way), end_mean(coming)
+        return replace(self, way=way), end_mean(coming) + across * left
 
     def _beside(self, measured: _Measured) -> tuple[Course, Float]:
         """The course of who travels by words, and a place of its line that the next window is to be on, (2,) [m]."""
@@ -208,7 +211,7 @@ class Course:
         left, here = np.array([-sin(angle), cos(angle)]), np.asarray(measured.place)
         across = float(left @ (here - self.place))
         x, y = (float(value) for value in here - across * left)
-        return replace(self, place=(x, y)), here - float(np.clip(across, -MOST_AWAY, MOST_AWAY)) * left
+        return replace(self, place=(x, y)), np.array([x, y]) + _beyond(across) * left
 
     def _sped(self, measured: _Measured, speed: float, share: float) -> tuple[Course, Float]:
         """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]; `share`: see above."""
@@ -218,6 +221,11 @@ class Course:
             most = FASTER / CATCHING_UP
             slow = float(np.clip(slow + share * (speed - ahead @ measured.velocity), -most, most))
         return replace(self, slow=slow), CATCHING_UP * slow * ahead
+
+
+def _beyond(off: float) -> float:
+    """What of a distance is more than one window makes up for [m]."""
+    return off - float(np.clip(off, -MOST_AWAY, MOST_AWAY))
 
 
 def _turned(going: tuple[float, float], headings: Float) -> Float:

@@ -141,7 +141,9 @@ class Requests:
         """Scales of the guidance of a condition of `meant`: of the request, and of its manner."""
         corrections, asked, manner = self._corrections, condition.guidance, condition.manner_guidance
         if asked is None:
-            kind = "" if condition.wordless else self._words(condition).kind
+            # A velocity alone is led to its places by the course: more guidance makes walks back of one speed.
+            spoken = condition.text is not None or condition.velocity is None
+            kind = self._words(condition).kind if spoken and not condition.wordless else ""
             asked = corrections.guidance.get(kind, self._manifest.guidance)
         if manner is None and self.manner(condition) == NORMAL:
             manner = corrections.normal_guidance

@@ -18,10 +18,8 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.course import (
     FASTEST_RETURN,
     LOST,
-    MOST_ASIDE,
-    MOST_SUM,
+    MOST_AWAY,
     MOST_TURNED,
-    SUMMED,
     Course,
 )
 from flexmotion.sampling.sampler import Condition
@@ -41,10 +39,22 @@ def heading_of(asked: Condition, past: Motion) -> float:
 
 
 def aside_of(asked: Condition) -> float:
-    """How far to the left of the last frame a window of who walks ahead is asked to be [m]."""
+    """How far to the left of the last frame a window of who walks ahead by words is asked to be [m]."""
     assert asked.constraints is not None
     (value,) = (mean.value for mean in asked.constraints.means if not mean.weights[3])
     return value * Body().leg
+
+
+def place_of(asked: Condition, past: Motion) -> NDArray[np.float64]:
+    """The mean place in the world that the end of a window at a velocity is asked for, (2,) [m]."""
+    assert asked.constraints is not None
+    x, y = (mean.value * Body().leg for mean in asked.constraints.means if not mean.weights[3])
+    yaw, here = Anchor.after(past).yaw, past.root_position[-1, :2]
+    return np.array([cos(yaw) * x - sin(yaw) * y, sin(yaw) * x + cos(yaw) * y]) + here
+
+
+DUE_S = WINDOW_S * (1 - END / 2) + 0.5 / FPS
+"""From the last frame to the mean time of the end of the next window [s]."""
 
 
 def moved(motion: Motion, yaw: float, place: tuple[float, float] = (0.0, 0.0), speed: float = 0.0) -> Motion:
@@ -88,7 +98,7 @@ def test_what_else_was_asked_of_the_window_stays(second: Motion) -> None:
     hand = FREE.place("hand_r", 20, [0.4, -0.1, 1.5])
     request = Condition(velocity=WALK, constraints=hand)
     _, asked = Course().followed(request, WALK, moved(second, 0.0), FREE)
-    assert asked.constraints is not None and asked.constraints.mask.sum() == 3 and len(asked.constraints.means) == 2
+    assert asked.constraints is not None and asked.constraints.mask.sum() == 3 and len(asked.constraints.means) == 3
 
 
 @pytest.mark.parametrize("frames", [26, 30, 31, 34, 40])
@@ -116,33 +126,65 @@ def test_a_pelvis_that_swings_with_each_step_neither_drifts_nor_zigzags(second: 
 
 @pytest.mark.parametrize("facing", [0.0, 2.0, -3.0])
 @pytest.mark.parametrize("own", [WALK, (-0.5, 0.0, 0.0), (0.0, 0.3, 0.0)])
-def test_a_walk_beside_its_line_is_led_back(second: Motion, facing: float, own: tuple[float, float, float]) -> None:
-    """Whichever way it walks and faces, it is asked to be nearer to the line, by no more than a step."""
-    request, angle = Condition(velocity=own), facing + np.arctan2(own[1], own[0])
+def test_who_is_beside_its_way_is_led_back(second: Motion, facing: float, own: tuple[float, float, float]) -> None:
+    """Whichever way it walks and faces, it is asked to be nearer to its way, by no more than a step in a window."""
+    request, angle, speed = Condition(velocity=own), facing + np.arctan2(own[1], own[0]), np.hypot(*own[:2])
     course, _ = Course().followed(request, own, moved(second, facing), FREE)
     ahead, left = np.array([cos(angle), sin(angle)]), np.array([-sin(angle), cos(angle)])
+    # It stood for a window, and walked in another.
     for off in (0.04, 1.0):
-        place = 3.0 * ahead + off * left
+        place = 0.5 * WINDOW_S * speed * ahead + off * left
         past = moved(second, facing, (float(place[0]), float(place[1])))
         _, asked = course.followed(request, own, past, FREE)
-        sideways = 1.0 + SUMMED * bool(own[1])
-        assert aside_of(asked) == pytest.approx(-sideways * min(off, MOST_ASIDE))
+        found = place_of(asked, past)
+        assert left @ found == pytest.approx(max(0.0, off - MOST_AWAY), abs=1e-9)
+        assert ahead @ found == pytest.approx(speed * (WINDOW_S + DUE_S), rel=0.02)
 
 
-def test_a_walk_sideways_that_goes_ahead_in_every_window_is_asked_for_more(second: Motion) -> None:
-    """Asked for its line alone, a model that walks ahead while it steps aside was 2 m ahead of it after 16."""
-    request, course = Condition(velocity=(0.0, 0.3, 0.0)), Course()
-    course, _ = course.followed(request, (0.0, 0.3, 0.0), moved(second, 0.0), FREE)
-    found = []
-    for _ in range(30):
-        past = moved(second, 0.0, (0.05, 0.0))
-        course, asked = course.followed(request, (0.0, 0.3, 0.0), past, FREE)
-        found.append(aside_of(asked))
-    assert found == sorted(found) and found[5] > 0.1 and found[-1] <= MOST_ASIDE + SUMMED * MOST_SUM
+@pytest.mark.parametrize("facing", [0.0, 2.0])
+def test_who_walks_by_words_is_led_back_to_its_line_alone(second: Motion, facing: float) -> None:
+    """Words of walking have the model's own speed: of how far they lead nothing is asked."""
+    request, left = Condition("walk"), np.array([-sin(facing), cos(facing)])
+    course, _ = Course().followed(request, WALK, moved(second, facing), FREE)
+    for off in (0.04, 1.0):
+        place = 3.0 * np.array([cos(facing), sin(facing)]) + off * left
+        _, asked = course.followed(request, WALK, moved(second, facing, (float(place[0]), float(place[1]))), FREE)
+        assert aside_of(asked) == pytest.approx(-min(off, MOST_AWAY))
 
 
-def test_a_walk_that_is_slow_is_asked_for_more(second: Motion) -> None:
-    request = Condition(velocity=WALK)
+@pytest.mark.parametrize("own", [WALK, (0.2, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, -0.2, 0.0), (0.5, 0.0, 0.4)])
+def test_a_velocity_is_kept_by_places_whatever_the_model_does_of_it(second: Motion, own: tuple[float, ...]) -> None:
+    """Asked for .45 m/s a human went .63 in the first two seconds, and .2 after ten; asked for .15 back it went .57.
+
+    The robot's way was put right by asking for less, so that it hurried for two seconds and nearly stood for four.
+    """
+    velocity = (own[0], own[1], own[2])
+    course, past, going = Course(), moved(second, 0.0), np.zeros(2)
+    places, headings = past.root_position[:, :2], np.zeros(FRAMES)
+    for window in range(12):
+        course, asked = course.followed(Condition(velocity=velocity), velocity, past, FREE)
+        assert asked.asked is not None or own[2]
+        # A model that keeps what is asked, but for a drift of its own to the side and ahead.
+        middle = round(FRAMES * (1 - END / 2))
+        going = (place_of(asked, past) + (0.02, 0.03) - places[-1]) / (middle + 0.5)
+        places = np.concatenate([places, places[-1] + going * np.arange(1, FRAMES + 1)[:, None]])
+        headings = np.concatenate([headings, headings[-1] + own[2] / FPS * np.arange(1, FRAMES + 1)])
+        past = with_headings(replace(past, root_position=past.root_position.copy()), headings[-FRAMES:])
+        past.root_position[:, :2] = places[-FRAMES:]
+        if window >= 2:
+            speed = np.linalg.norm(places[-1] - places[-1 - FRAMES]) / WINDOW_S
+            assert speed == pytest.approx(np.hypot(*own[:2]), rel=0.15, abs=0.02)
+
+
+def test_who_was_held_up_does_not_hurry_afterwards(second: Motion) -> None:
+    course, past = Course(), moved(second, 0.0)
+    for _ in range(20):
+        course, asked = course.followed(Condition(velocity=WALK), WALK, past, FREE)
+        assert place_of(asked, past)[0] <= WALK[0] * DUE_S + MOST_AWAY + 0.5 * WINDOW_S * WALK[0]
+
+
+def test_words_that_are_slow_are_asked_for_more(second: Motion) -> None:
+    request = Condition("walk")
     course, found = Course(), []
     for _ in range(4):
         course, asked = course.followed(request, WALK, moved(second, 0.0, speed=0.5), FREE)
@@ -150,18 +192,6 @@ def test_a_walk_that_is_slow_is_asked_for_more(second: Motion) -> None:
         found.append(asked.asked[0])
     # What it did before the request does not count.
     assert found[0] == 1.0 < found[1] < found[2] < found[3]
-
-
-def test_a_slow_step_aside_is_not_asked_to_hurry(second: Motion) -> None:
-    """Regression: a model that is slow sideways was asked for more and more of it, and walked 18 m ahead instead."""
-    own = (0.0, -0.2, 0.0)
-    course, request = Course(), Condition(velocity=own)
-    for _ in range(20):
-        course, asked = course.followed(request, own, moved(second, 0.0), FREE)
-        assert asked.asked == pytest.approx(own, abs=1e-6)
-    # What it goes ahead of its line is made up for.
-    _, asked = course.followed(request, own, moved(second, 0.0, (0.2, 0.0)), FREE)
-    assert asked.asked == pytest.approx(own, abs=1e-6) and aside_of(asked) < 0
 
 
 def test_who_stands_is_asked_back_to_heading_and_place(second: Motion) -> None:
@@ -230,32 +260,15 @@ def test_a_fast_turn_is_never_asked_for_the_other_way_round(second: Motion, rate
     assert value * rate > 0
 
 
-def test_a_slight_turn_keeps_speed_and_line(second: Motion) -> None:
-    """With .001 rad/s a walk of .5 m/s went .4, and ended a metre beside its line after a minute."""
-    own = (0.5, 0.0, 0.001)
-    course, request = Course(), Condition(velocity=own)
-    for window in range(6):
-        past = moved(second, 0.0, (0.4 * window, 0.05 * bool(window)), speed=0.4)
-        course, asked = course.followed(request, own, past, FREE)
-    assert asked.asked is not None and asked.asked[0] > 0.5
-    assert aside_of(asked) == pytest.approx(-0.05, abs=0.01)
-
-
 def test_what_lacks_is_summed_by_the_time_that_was_played(second: Motion) -> None:
-    """A stick that sends the same velocity ten times a second wound the sum up: the human then walked twice as fast."""
-    aside, sums = (0.0, 0.3, 0.0), []
+    """Words that are said again ten times a second wound the sum up: the human then walked twice as fast."""
+    sums = []
     for played in (FRAMES, FRAMES // 8):
-        course, other = Course(), Course()
-        other, _ = other.followed(Condition(velocity=aside), aside, moved(second, 0.0), FREE)
+        course = Course()
         for _ in range(1 + 4 * FRAMES // played):
-            course, _ = course.followed(
-                Condition(velocity=WALK), WALK, moved(second, 0.0, speed=0.8), FREE, played=played
-            )
-            other, _ = other.followed(
-                Condition(velocity=aside), aside, moved(second, 0.0, (0.05, 0.0)), FREE, played=played
-            )
-        sums.append((course.slow, abs(other.aside)))
-    assert sums[0] == pytest.approx(sums[1], rel=0.3) and min(sums[0]) > 0.0
+            course, _ = course.followed(Condition("walk"), WALK, moved(second, 0.0, speed=0.8), FREE, played=played)
+        sums.append(course.slow)
+    assert sums[0] == pytest.approx(sums[1], rel=0.3) and min(sums) > 0.0
 
 
 @pytest.mark.parametrize("rate", [0.3, -0.7])
@@ -282,26 +295,17 @@ def test_a_turn_that_cannot_be_kept_is_not_caught_up_with(second: Motion) -> Non
         assert abs(heading_of(asked, past)) <= 0.5 * WINDOW_S + MOST_TURNED + 1e-9
 
 
-def test_another_speed_keeps_the_line(second: Motion) -> None:
-    """At every change of speed the line began where the body was."""
+def test_another_velocity_keeps_the_way(second: Motion) -> None:
+    """At every change of velocity the way began where the body was, and a way keeper changes it in every window."""
     course, _ = Course().followed(Condition(velocity=WALK), WALK, moved(second, 0.0, speed=1.0), FREE)
-    faster, aside, words = (1.5 * WALK[0], 0.0, 0.0), (0.0, 0.3, 0.0), Condition("march")
-    after = moved(second, 0.1, (2.0, 0.4), speed=1.0)
-    same, _ = course.followed(Condition(velocity=faster), faster, after, FREE)
-    assert same.place == pytest.approx((2.0, 0.0))  # beside the body
-    turned, _ = course.followed(Condition(velocity=aside), aside, after, FREE)
-    assert turned.place == pytest.approx((2.0, 0.4))
+    faster, words = (1.5 * WALK[0], 0.1, 0.0), Condition("march")
+    after = moved(second, 0.0, (WINDOW_S, 0.4), speed=1.0)
+    course, asked = course.followed(Condition(velocity=faster), faster, after, FREE)
+    # The leftmost part of what it is aside of its way is not made up for in this window.
+    across = np.array([-faster[1], faster[0]]) / np.hypot(*faster[:2])
+    assert across @ (place_of(asked, after) - (WINDOW_S, 0.0)) == pytest.approx(0.4 - MOST_AWAY, abs=0.05)
     other, _ = course.followed(words, None, after, FREE)
-    assert other.place == pytest.approx((2.0, 0.4))
-
-
-def test_a_direction_that_changes_by_little_keeps_its_line(second: Motion) -> None:
-    """A way keeper changes what it asks ahead and aside a little in every window, and each began a line of its own."""
-    course, velocities = Course(), [(0.02 * (-1) ** number, 0.2, 0.0) for number in range(6)]
-    for number, own in enumerate(velocities):
-        past = moved(second, 0.0, (0.01 * number, 0.2 * number))
-        course, asked = course.followed(Condition(velocity=own), own, past, FREE)
-    assert course.place[0] == pytest.approx(0.0, abs=0.03) and aside_of(asked) > 0.04
+    assert other.place == pytest.approx((WINDOW_S, 0.4)) and other.way is None
 
 
 def test_a_gesture_is_asked_for_its_heading_alone_until_it_is_off(second: Motion) -> None:
