@@ -142,7 +142,8 @@ class StepRunner:
         rested, self._coming = self.resting, program
         self.changed()
         self._place = stopping_place(row, stands_at)
-        step = program.steps[0]
+        goes_on = self._program is not None and program.number == self._program.number
+        step = program.steps[min(self._index, len(program.steps) - 1) if goes_on else 0]
         navigator = self._navigator_to(step, row)
         if navigator is not None:
             self._turned = program.number, navigator
@@ -152,7 +153,8 @@ class StepRunner:
             self.resting = self._walks(row, rested=rested) or (rested and not is_raised(row, self.home))
         if self._keeper is not None and self._is_kept(step):
             return self._keeper.asked  # the same once more: what was learnt of it stays
-        return None
+        # Of a human that was steered the source does not know which step it does.
+        return step.intent if goes_on and self._keeper is not None else None
 
     def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
         """Take the newest row of the loop.
@@ -186,6 +188,7 @@ class StepRunner:
         elif program is not self._program:
             self._program = program  # at another speed
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
+            self._keep_from(program.steps[min(self._index, len(program.steps) - 1)], row)
         self.over = self.resting and self.source.is_over(frame)
         if self._keeper is not None and np.isfinite(row.odometry).all():
             self._keep(self._keeper, row, HumanAhead(self.source, source_s))
@@ -228,6 +231,10 @@ class StepRunner:
             self.wanted = intent
         if step.amount is None and self._phase is _Phase.ACT and self._navigator is None:
             self._phase = _Phase.OVER  # until something else is asked
+        self._keep_from(step, row)
+
+    def _keep_from(self, step: Step, row: TickRow) -> None:
+        """Keep what a step asks for from now on, unless it is kept already."""
         if not self._is_kept(step):
             self._keeper, self._straight = self._keeper_of(step, row), None
 

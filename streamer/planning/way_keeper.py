@@ -33,6 +33,10 @@ _GAIN, _INTEGRAL = np.array([0.2, 0.2, 0.7]), np.array([0.02, 0.02, 0.06])
 A window is a second long: .7 takes back most of what is missing in one (sampled humans over 60 s looked 4.8° off in
 curves at .3, 3.2 at .5, 2.4 at .7, rms of three seeds). On the way it is less: a robot that begins a second late is not
 to hurry."""
+_ACTS_S = np.array([1.0, 1.0, 0.0])
+"""So long after a velocity is asked for the robot still does what was asked before: that way is neither missing nor too
+much [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50); turns begin
+at once. Counted, "slower" from .86 m/s of the human to .6 led to .49 for 4 s."""
 _LEAST, _MOST = 0.5, 2.0
 """Bounds of what is asked for over what is to be done, which the integral learns: a human does .5 to 2 times of it."""
 _NOTHING = 1e-3
@@ -67,7 +71,7 @@ class WayKeeper:
         self._wanted = np.array(given if pace is None else pace.slowed(given))
         self._pace, self._scale = pace, scale
         self._place, self._time_s = np.array(place, float), time_s
-        self._changed_s = time_s
+        self._begin_s = self._changed_s = time_s
         # Forward, left [m] and turn [rad] of the human: now, and at the last rows with their times.
         self._missing = np.zeros(3)
         # What has been learnt: what is asked for over what is to be done, and, where that is nothing, over time.
@@ -97,8 +101,8 @@ class WayKeeper:
         if passed <= 0.0:
             return None
         done[:2] *= self._scale
-        most = _MOST_S * self._speeds
-        self._missing = np.clip(self._missing + self._wanted * passed - done, -most, most) * self._kept
+        most, counts = _MOST_S * self._speeds, self._kept & (time_s - self._begin_s >= _ACTS_S)
+        self._missing = np.clip(self._missing + self._wanted * passed - done, -most, most) * counts
         self._recent.append((time_s, self._missing))
         while self._recent[0][0] < time_s - MEAN_S:
             self._recent.popleft()
@@ -107,7 +111,7 @@ class WayKeeper:
         since, self._changed_s = min(time_s - self._changed_s, _LONGEST_S), time_s
         seconds, does = coming
         missing = np.mean([one for _, one in self._recent], axis=0) + self._wanted * seconds - does
-        missing = np.clip(missing, -most, most) * self._kept
+        missing = np.clip(missing, -most, most) * counts
         held = (np.abs(missing) >= most) & self._does
         self._learn(np.where(held, 0.0, missing) * since)
         found = self._bounded(self._ratio * (self._wanted + _GAIN * missing) + _INTEGRAL * self._sum)

@@ -413,6 +413,30 @@ def test_the_same_velocity_once_more_goes_on_with_what_was_learnt() -> None:
     assert robot.runner.turned(other, robot.row) is None
 
 
+@pytest.mark.parametrize("before", [OPEN, replace(OPEN, intent=Text("walk"))])
+def test_a_walk_that_is_told_to_go_faster_is_kept_at_its_new_speed(before: Step) -> None:
+    """Regression: "walk slowly", then "faster" was accepted, and the robot was kept at the speed before."""
+    robot = Robot((0, program(before)))
+    robot.run(4.0, ahead=0.4)
+    faster = program(replace(OPEN, intent=Velocity(0.6, 0.0, 0.0)))  # the same program, at another speed
+    kept = robot.runner.source.steered is not None
+    assert robot.runner.turned(faster, robot.row) == (faster.steps[0].intent if kept else None)
+    robot.runner.source.programs = [(0, faster)]
+    robot.run(4.0, ahead=0.6)
+    steered = robot.runner.source.steered
+    assert steered is not None and steered.forward > 0.55
+
+
+def test_a_change_of_speed_is_that_of_the_step_under_way() -> None:
+    """Of "turn left, then walk on" the second step is under way."""
+    first, second = program(TURN, OPEN), program(TURN, replace(OPEN, intent=Velocity(0.6, 0.0, 0.0)))
+    robot = Robot((0, first))
+    robot.run(8.0, turn=0.6)
+    assert robot.asked[-1] == OPEN.intent
+    robot.run(2.0, ahead=0.4)
+    assert robot.runner.turned(second, robot.row) == second.steps[1].intent
+
+
 def test_what_the_human_looks_aside_is_taken_off_a_straight_way_alone() -> None:
     """A human that stepped aside wandered by 6°, and the robot with it."""
     robot = Robot((0, program(OPEN)))
