@@ -234,9 +234,12 @@ class StepRunner:
         self._keep_from(step, row)
 
     def _keep_from(self, step: Step, row: TickRow) -> None:
-        """Keep what a step asks for from now on, unless it is kept already."""
-        if not self._is_kept(step):
-            self._keeper, self._straight = self._keeper_of(step, row), None
+        """Keep what a step asks for from now on, unless it is kept already; who goes on straight keeps its heading."""
+        if self._is_kept(step):
+            return
+        before, self._keeper = self._keeper, self._keeper_of(step, row)
+        if before is None or self._keeper is None or before.wanted.turning or self._keeper.wanted.turning:
+            self._straight = None
 
     def _keep(self, keeper: WayKeeper, row: TickRow, ahead: HumanAhead) -> None:
         """Keep a velocity, and the heading where it is to stay."""

@@ -34,9 +34,9 @@ A window is a second long: .7 takes back most of what is missing in one (sampled
 curves at .3, 3.2 at .5, 2.4 at .7, rms of three seeds). On the way it is less: a robot that begins a second late is not
 to hurry."""
 _ACTS_S = np.array([1.0, 1.0, 0.0])
-"""So long after a velocity is asked for the robot still does what was asked before: that way is neither missing nor too
-much [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50); turns begin
-at once. Counted, "slower" from .86 m/s of the human to .6 led to .49 for 4 s."""
+"""So long after a velocity is asked for the robot still does what was asked before: that way is neither missing nor
+too much [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50); turns
+begin at once. Counted, "slower" from .86 m/s of the human to .6 led to .49 for 4 s."""
 _LEAST, _MOST = 0.5, 2.0
 """Bounds of what is asked for over what is to be done, which the integral learns: a human does .5 to 2 times of it."""
 _NOTHING = 1e-3

@@ -427,6 +427,20 @@ def test_a_walk_that_is_told_to_go_faster_is_kept_at_its_new_speed(before: Step)
     assert steered is not None and steered.forward > 0.55
 
 
+def test_another_speed_keeps_the_heading() -> None:
+    """A torso twists by 9° with each step: at each "faster" the robot went on where it looked at that moment."""
+    robot = Robot((0, program(OPEN)))
+    robot.runner.source.looks_rad = 0.1
+    robot.run(14.0, ahead=0.4)
+    assert robot.runner.aside == pytest.approx(0.1, abs=0.01)
+    robot.row.odometry[2] = 0.15
+    robot.runner.source.programs = [(0, program(replace(OPEN, intent=Velocity(0.6, 0.0, 0.0))))]
+    robot.run(0.1, ahead=0.6)
+    assert robot.runner.aside == pytest.approx(0.1, abs=0.01)
+    robot.run(3.0, ahead=0.6)
+    assert robot.runner.aside > 0.1  # the robot is led back to where it looked before
+
+
 def test_a_change_of_speed_is_that_of_the_step_under_way() -> None:
     """Of "turn left, then walk on" the second step is under way."""
     first, second = program(TURN, OPEN), program(TURN, replace(OPEN, intent=Velocity(0.6, 0.0, 0.0)))
