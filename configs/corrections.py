@@ -73,12 +73,6 @@ class Corrections(Strict):
             raise ValueError(f"ahead is for velocities {wanted}, expected growing ones")
         return self
 
-    @property
-    def one_speed_back(self) -> bool:
-        """Whether the model moves back at one speed: it is asked for the same, whatever is wanted."""
-        asked = {asked for wanted, asked in self.ahead if wanted < 0.0}
-        return len(asked) == 1 < sum(wanted < 0.0 for wanted, _ in self.ahead)
-
     def asked_ahead(self, wanted: float) -> float:
         """Forward velocity to ask for [m/s], for the one that is wanted."""
         if not self.ahead:

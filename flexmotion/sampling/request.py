@@ -121,13 +121,6 @@ class Requests:
         kind = self.prompt(condition.text).kind
         return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speeds.get(kind)
 
-    def one_speed(self, condition: Condition) -> float | None:
-        """Speed back of a condition of `meant`, where the model has one whatever is asked [m/s]; else None."""
-        if condition.wordless or not self._corrections.one_speed_back or self._words(condition).kind != BACK:
-            return None
-        speed = self._corrections.speeds.get(BACK)
-        return None if speed is None else hypot(*speed[:2])
-
     def noise(self, condition: Condition) -> float:
         """Scale of the noise that a window of a condition of `meant` begins from."""
         if self.stands(condition):

@@ -274,10 +274,6 @@ class Sampler:
         """See `Requests.own_velocity`."""
         return self.requests.own_velocity(condition)
 
-    def one_speed(self, condition: Condition) -> float | None:
-        """See `Requests.one_speed`."""
-        return self.requests.one_speed(condition)
-
     def prompt(self, text: str | None) -> Prompt:
         """See `Requests.prompt`."""
         return self.requests.prompt(text)

@@ -49,24 +49,13 @@ class Hearing:
     def __init__(self, model: Model, pace: Pace | None, seconds: Callable[[Clip], float] | None = None) -> None:
         self.model, self.pace, self.speeds, self.seconds = model, pace, Speeds(model, pace), seconds
 
-    def __call__(
-        self, intent: Intent, under_way: Program | None = None, last: Program | None = None, *, live: bool = False
-    ) -> Program:
+    def __call__(self, intent: Intent, under_way: Program | None = None, last: Program | None = None) -> Program:
         """The program of an intent.
 
         Args:
             under_way: what the robot does now, for "faster" and the like; None: it stands.
             last: what "again" repeats; None: nothing yet.
-            live: whether it is a target's; else a script's.
         """
-        program = self._program(intent, under_way, last, live)
-        if program.heard.state == "refused":
-            return program
-        told = dict.fromkeys(self.speeds.one_speed(step, live) for step in program.steps)
-        notes = (*program.heard.notes, *(note for note in told if note is not None))
-        return replace(program, heard=program.heard.model_copy(update={"notes": notes}))
-
-    def _program(self, intent: Intent, under_way: Program | None, last: Program | None, live: bool) -> Program:
         match intent:
             case Text(text) if is_alarm(text):
                 return self._alarmed(text)
@@ -79,7 +68,7 @@ class Hearing:
                 return replace(program, heard=heard) if notes else program
             case Velocity(forward, left, turning):
                 asked = words_of(intent)
-                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace), kept=live)
+                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
                 return Program((step,), heard)
@@ -110,8 +99,7 @@ class Hearing:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
                 steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
-                plainly = clause.rate is not None and steps[-1].told.slowed is None
-                if plainly and self.speeds.one_speed(steps[-1], False) is None:
+                if clause.rate is not None and steps[-1].told.slowed is None:
                     notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
             if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
                 notes += ("it goes on",)

@@ -238,7 +238,7 @@ class ModelSource:
         """The program of an intent that is followed from a frame on; `about`: fields of its answer."""
         current = self.program_at(frame - 1)
         under_way = None if current is None or current[1].number == self._finished else current[1]
-        program = self._hearing(intent, under_way, self._last, live="id" in about)
+        program = self._hearing(intent, under_way, self._last)
         program = replace(program, heard=program.heard.model_copy(update=about))
         if program.number == 0:
             self._numbers += 1

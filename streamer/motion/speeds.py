@@ -41,10 +41,6 @@ class Model(Protocol):
         """Velocity at which a meant condition is done; None where its words are of an unknown speed."""
         ...
 
-    def one_speed(self, condition: Condition) -> float | None:
-        """Speed back of a meant condition, where it is the same whatever is asked [m/s]; else None."""
-        ...
-
 
 class Speeds:
     """Speeds of a model's human, for one robot.
@@ -57,34 +53,13 @@ class Speeds:
     def __init__(self, model: Model, pace: Pace | None) -> None:
         self.model, self.pace = model, pace
 
-    def slowed(self, condition: Condition, kept: bool = False) -> str | None:
-        """The speed to which a request is slowed, in words; None: it is not.
-
-        Args:
-            kept: whether the robot stands in between where its human is too fast (`WayKeeper`), so that a human of one
-                speed is slowed too.
-        """
+    def slowed(self, condition: Condition) -> str | None:
+        """The speed to which a request is slowed, in words; None: it is not."""
         limited = self.model.meant(condition)
         found, meant = limited.velocity, self.model.meant(replace(condition, pace=None)).velocity
         if found is None or (meant is not None and velocity_text(found) == velocity_text(meant)):
             return None
-        if not kept and self.model.one_speed(limited) is not None:
-            return None
         return f"a human's {velocity_text(found)}, so that the robot can follow"
-
-    def one_speed(self, step: Step, live: bool) -> str | None:
-        """What is told of a step that its human does at its one speed, whatever is asked; None: it has others.
-
-        Args:
-            live: whether it is a target's: the robot keeps the velocity of one, by its odometry.
-        """
-        asked = self._asked(step)
-        speed = None if asked is None else self.model.one_speed(self.model.meant(asked))
-        if speed is None:
-            return None
-        kept = live and step.amount is None and isinstance(step.intent, Velocity)
-        stands = "; it stands in between, so that the robot's mean is what is asked for" if kept else ""
-        return f"done at a human's {speed:.2g} m/s back, the one speed that the model has{stands}"
 
     def changed(self, step: Step, factor: float) -> Step:
         """The step at another speed, within the limits; the same step where it has only one or is at a limit.

@@ -98,9 +98,6 @@ class StubSampler:
             return condition
         return replace(condition, velocity=condition.pace.slowed(condition.velocity))
 
-    def one_speed(self, condition: Condition) -> float | None:
-        return None
-
     def prompt(self, text: str) -> Prompt:
         if text not in self.read:
             self.read.append(text)
