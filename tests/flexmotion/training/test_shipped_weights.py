@@ -31,8 +31,7 @@ def test_the_shipped_bundle_is_made_of_the_weights_with_the_control_branch_besid
     old, new = (Sampler(Bundle(folder), unjudged=True, balanced=True) for folder in (shipped, tmp_path / "made"))
     for prompt in ("walk forward", "wave with the right hand", "bow"):
         before, after = (one.sample(one.standing(), Condition(prompt), 0) for one in (old, new))
-        # The weights are in half precision, the bundle was exported before they were: scales of eight bits differ by a
-        # millionth, and what is rounded by them by millimetres.
-        assert np.linalg.norm(forward(before).hand - forward(after).hand, axis=-1).mean() < 0.01
+        # Equal on the processor that made the bundle; another one folds constants otherwise, which eight bits amplify.
+        assert np.linalg.norm(forward(before).hand - forward(after).hand, axis=-1).mean() < 0.003
         assert before.torques is not None and after.torques is not None
-        assert np.abs(before.torques - after.torques).mean() < 0.3
+        assert np.abs(before.torques - after.torques).mean() < 0.1
