@@ -31,13 +31,13 @@ from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.run.session import Session
-from flexmotion.text.vocabulary import vocabulary
 
 ANSWERED = 0.9
 """Least share of sentences that are done or plainly refused."""
 
 _READY_S, _AFTER_S, _OPEN_S, _LONGEST_S, _UNTWISTED_S = 2.0, 6.0, 6.0, 200.0, 1.0
-"""Time before a sentence, of the motion that it is said in, of a motion without an end, of a sentence at most [s]."""
+"""Time before a sentence, of the motion that it is said in, of a motion without an end, of a sentence at most, and in
+which a torso untwists after a turn [s]."""
 
 
 @dataclass
@@ -141,9 +141,10 @@ def _judge(task: Task, robot: Robot, session: Session, heard: Heard, begin: int,
         if bounds[number + 1] - bounds[number] < 2:
             judged.faults.append(f"{kind}: never came to it")
             continue
-        # A turn ends once the feet have turned; the torso, by which it is judged here, untwists over them afterwards.
-        turns = kind in vocabulary().table["turns"]
-        last = min(bounds[number + 1] + round(_UNTWISTED_S * record.rate_hz) * turns, end)
+        last = bounds[number + 1]
+        if amount and amount[0].endswith("deg") and number == len(wanted) - 1:
+            # It ends once the feet have turned; the torso, by which it is judged here, untwists over them afterwards.
+            last = min(last + round(_UNTWISTED_S * record.rate_hz), end)
         part = Seen(robot, record, bounds[number], last)
         judged.figures.append(f"{kind}: {part.text()}")
         judged.faults += [f"{kind}: {fault}" for fault in part.faults(kind, amount[0] if amount else None)]

@@ -66,7 +66,7 @@ class Course:
         led: headings to have had in the frames that are measured, (N,), up to the begin of the next window [rad]; None:
             not known yet.
         rate: turning of the last window that was asked for [rad/s].
-        way: places to have had in those frames of who moves at a velocity, (N, 2) [m]; None: of nobody else.
+        way: places to have had in those frames, (N, 2) [m]; None: the last window had no velocity to travel at.
         going: velocity of the last window in its own heading, forward and left [m/s].
         place: point of the line to walk along by words, beside the body, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
@@ -114,7 +114,7 @@ class Course:
         rate = 0.0 if own is None else own[2]
         direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
         course, led = self._led_to(measured, past.fps, played)
-        way = course._way_to(led, past, played) if direction is not None and request.velocity is not None else None
+        way = self._way_to(past, played) if direction is not None and request.velocity is not None else None
         course = replace(course._on(request, direction, measured, played), led=led, rate=rate, way=way, going=going)
         # Asked is the mean heading of the window's end, of a body that turns evenly from where it should be by now and
         # swings as it did.
@@ -161,12 +161,14 @@ class Course:
             course, led = Course(), np.full(round(MEASURED_S * fps), measured.heading)
         return course, led
 
-    def _way_to(self, led: Float, past: Motion, played: int) -> Float:
+    def _way_to(self, past: Motion, played: int) -> Float:
         """Places to have had in the last frames, (N, 2), with so many of the last window; begins at those that were."""
-        if self.way is None:
-            return past.root_position[-len(led) :, :2].copy()
-        steps = _turned(self.going, led[len(led) - min(played, len(led)) :]) / past.fps
-        return np.concatenate([self.way, self.way[-1] + np.cumsum(steps, axis=0)])[-len(led) :]
+        measured = round(MEASURED_S * past.fps)
+        if self.led is None or self.way is None:
+            return past.root_position[-measured:, :2].copy()
+        headings: Float = self.led[-1] + self.rate / past.fps * np.arange(1, played + 1)
+        went = np.cumsum(_turned(self.going, headings), axis=0) / past.fps
+        return np.concatenate([self.way, self.way[-1] + went])[-measured:]
 
     def _on(self, request: Condition, direction: float | None, measured: _Measured, played: int) -> Course:
         """The course for a request: the line of another one begins here, the heading stays."""
@@ -214,7 +216,13 @@ class Course:
         return replace(self, place=(x, y)), np.array([x, y]) + _beyond(across) * left
 
     def _sped(self, measured: _Measured, speed: float, share: float) -> tuple[Course, Float]:
-        """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s]; `share`: see above."""
+        """The course, and the velocity on top that makes up for what a speed lacked, (2,) [m/s].
+
+        Args:
+            measured: of the motion so far.
+            speed: to have [m/s].
+            share: of the last window that was played: what is summed grows by as much.
+        """
         assert self.led is not None and self.direction is not None
         ahead, slow = np.array([cos(self.direction), sin(self.direction)]), self.slow
         if self.frames >= len(self.led):  # else the speed before the request is measured too

@@ -130,8 +130,7 @@ def _pace(robot: Robot) -> str:
     reached = "" if pace.reached is None else f" (of that the robot reaches {pace.reached:g} m/s, as measured)"
     return (
         f"A motion model is asked for this robot's pace at most: {pace.ahead:g} m/s ahead{reached}, "
-        f"{pace.back:g} m/s back, {pace.aside:g} m/s aside, turning {pace.turning:g} rad/s. "
-        "Where it has one speed, as the shipped model backward, it goes at that, and a note says so"
+        f"{pace.back:g} m/s back, {pace.aside:g} m/s aside, turning {pace.turning:g} rad/s"
     )
 
 

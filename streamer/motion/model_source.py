@@ -167,7 +167,8 @@ class ModelSource:
             following = self._intent_at(frame)
             place = next((i for i, step in enumerate(current[1].steps) if step.intent == following), None)
             intent = following if place is None else program.steps[place].intent
-            self._programs = [(current[0], program)]
+            # A refusal to change the speed is an answer of its own, and nothing of what goes on.
+            self._programs = [(current[0], current[1] if program.heard.state == "refused" else program)]
         else:
             self._programs = [(frame + 1, program)]
         begun, first = self._begun(frame), frame + 1
@@ -216,6 +217,10 @@ class ModelSource:
         self._finished = None if current is None else current[1].number
         if self._end is not None and not any(at > frame for at, _ in self._programs):
             self._end = min(self._end, frame + 1)
+
+    def stopped(self, program: Program) -> None:
+        """The robot was stopped: a program is under way no more, so that its speed cannot change."""
+        self._finished = program.number
 
     def is_over(self, frame: int) -> bool:
         """Whether the source has nothing from a frame on."""

@@ -6,9 +6,10 @@ corrections of the course, and near the goal short shifts and small turns. What 
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 import numpy as np
@@ -137,6 +138,15 @@ class Navigator:
         move = self.move
         return STANDING if move is not None and not any((move.forward, move.left, move.turning)) else move
 
+    def at(self, turning: float) -> Navigator:
+        """The same way at another turning speed [rad/s], from the turn under way on; where the goal is `Wound`."""
+        assert isinstance(self.goal, Wound)
+        other = copy.copy(self)
+        other.goal = replace(self.goal, turning=max(abs(turning), SLOWEST_TURN))
+        if self.phase is Phase.TURN and self.move is not None:
+            other.move = replace(self.move, turning=math.copysign(other._fastest_turn, self.move.turning))
+        return other
+
     def update(self, place: Float, time_s: float) -> None:
         """Take a measurement: odometry as in the constructor, and its time [s]."""
         place = np.array(place, float)
@@ -197,11 +207,15 @@ class Navigator:
             self._looks = math.copysign(max(abs(missing), _LEAST_FACE_RAD), missing) - self._bias
             self.phase, self.move = Phase.FACE, Velocity(0.0, 0.0, 0.0)
             return
+        self.phase, self._closing = Phase.TURN, Closing()
+        self.move = Velocity(0.0, 0.0, math.copysign(self._fastest_turn, missing), self.manner)
+
+    @property
+    def _fastest_turn(self) -> float:
+        """Greatest turning speed of a turn to the goal [rad/s]."""
         fastest = TURNING if self.pace is None else min(TURNING, self.pace.turning)
-        if isinstance(self.goal, Heading | Wound) and self.goal.turning is not None:
-            fastest = min(fastest, self.goal.turning)
-        self.phase, self.move = Phase.TURN, Velocity(0.0, 0.0, math.copysign(fastest, missing), self.manner)
-        self._closing = Closing()
+        asked = self.goal.turning if isinstance(self.goal, Heading | Wound) else None
+        return fastest if asked is None else min(fastest, asked)
 
     def _learn(self, place: Float) -> None:
         """Compare a turn made by a human that looked aside with what was meant.

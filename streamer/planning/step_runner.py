@@ -136,14 +136,15 @@ class StepRunner:
         """The source turns to the program of a target; other arguments as of `update`.
 
         Returns:
-            What the human does first, where the program does not know it: a goal's first move. None: the program's
-            first step, or the robot rests (`resting`).
+            What the human does first, where the source does not know it: a goal's first move, or the velocity of the
+            step under way. None: what the source takes from the program, or the robot rests (`resting`).
         """
+        if self._program is not None and program.number == self._program.number:
+            return self._at_another_speed(program)
         rested, self._coming = self.resting, program
         self.changed()
         self._place = stopping_place(row, stands_at)
-        goes_on = self._program is not None and program.number == self._program.number
-        step = program.steps[min(self._index, len(program.steps) - 1) if goes_on else 0]
+        step = program.steps[0]
         navigator = self._navigator_to(step, row)
         if navigator is not None:
             self._turned = program.number, navigator
@@ -153,8 +154,21 @@ class StepRunner:
             self.resting = self._walks(row, rested=rested) or (rested and not is_raised(row, self.home))
         if self._keeper is not None and self._is_kept(step):
             return self._keeper.asked  # the same once more: what was learnt of it stays
+        return None
+
+    def _at_another_speed(self, program: Program) -> Intent | None:
+        """The program under way goes on at another speed, or at the same: what its human does from now on, as above."""
+        if self._index >= len(program.steps):
+            return None
+        step = program.steps[self._index]
+        if self._navigator is not None:
+            if step.is_led and isinstance(step.intent, Velocity):
+                self._navigator = self._navigator.at(step.intent.turning)
+            return self._navigator.asked
+        if self._keeper is None:
+            return None
         # Of a human that was steered the source does not know which step it does.
-        return step.intent if goes_on and self._keeper is not None else None
+        return self._keeper.asked if self._is_kept(step) else step.intent
 
     def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
         """Take the newest row of the loop.
@@ -188,7 +202,8 @@ class StepRunner:
         elif program is not self._program:
             self._program = program  # at another speed
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
-            self._keep_from(program.steps[min(self._index, len(program.steps) - 1)], row)
+            if self._index < len(program.steps):
+                self._keep_from(program.steps[self._index], row)
         self.over = self.resting and self.source.is_over(frame)
         if self._keeper is not None and np.isfinite(row.odometry).all():
             self._keep(self._keeper, row, HumanAhead(self.source, source_s))
@@ -213,6 +228,7 @@ class StepRunner:
         number, navigator = self._turned
         if navigator is not None and number == program.number:
             self._navigator, self._phase, self._at = navigator, _Phase.ACT, self._fresh(row)
+            self._keep_from(program.steps[0], row)
             return
         step = program.steps[0]
         # While the robot rests nobody follows the script.
@@ -284,6 +300,8 @@ class StepRunner:
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
         if end == "stopped":
             self._keeper = self._straight = None
+            if self._program is not None:
+                self.source.stopped(self._program)
 
     def _cut(self, end: End, row: TickRow) -> dict[str, object]:
         """What is known of the step under way when its program is ended.

@@ -26,7 +26,7 @@ side within 2 s. In the time between two plans it changes by less than what pass
 
 
 class StraightHeading:
-    """Follows one velocity without a turn.
+    """Follows velocities without a turn, the next one after the last.
 
     Args:
         facing: heading of the robot in its odometry, which is kept [rad], whole turns counted.

@@ -38,7 +38,8 @@ _ACTS_S = np.array([1.0, 1.0, 0.0])
 too much [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50); turns
 begin at once. Counted, "slower" from .86 m/s of the human to .6 led to .49 for 4 s."""
 _LEAST, _MOST = 0.5, 2.0
-"""Bounds of what is asked for over what is to be done, which the integral learns: a human does .5 to 2 times of it."""
+"""Bounds of what is asked for over what is to be done, which the integral learns: a robot falls short of its human, and
+slips beyond it."""
 _NOTHING = 1e-3
 """Speeds up to this are none [m/s, rad/s]."""
 _MOST_S = 5.0
@@ -46,8 +47,7 @@ _MOST_S = 5.0
 _FASTEST = 1.5
 """What is asked of the human is within its pace times this: a robot that is slower than its human goes its fastest."""
 _ACROSS = 2.0
-"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed: a model's human that is
-asked to step aside drifts ahead by as much as it goes aside."""
+"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed."""
 
 
 class WayKeeper:

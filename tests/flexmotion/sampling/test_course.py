@@ -163,7 +163,7 @@ def test_a_velocity_is_kept_by_places_whatever_the_model_does_of_it(second: Moti
     places, headings = past.root_position[:, :2], np.zeros(FRAMES)
     for window in range(12):
         course, asked = course.followed(Condition(velocity=velocity), velocity, past, FREE)
-        assert asked.asked is not None or own[2]
+        assert asked.asked is not None and asked.asked[:2] == pytest.approx(velocity[:2])
         # A model that keeps what is asked, but for a drift of its own to the side and ahead.
         middle = round(FRAMES * (1 - END / 2))
         going = (place_of(asked, past) + (0.02, 0.03) - places[-1]) / (middle + 0.5)
@@ -174,6 +174,40 @@ def test_a_velocity_is_kept_by_places_whatever_the_model_does_of_it(second: Moti
         if window >= 2:
             speed = np.linalg.norm(places[-1] - places[-1 - FRAMES]) / WINDOW_S
             assert speed == pytest.approx(np.hypot(*own[:2]), rel=0.15, abs=0.02)
+
+
+@pytest.mark.parametrize("every", [3, 10, 20])
+def test_a_velocity_that_is_asked_for_again_and_again_is_no_faster_and_no_slower(second: Motion, every: int) -> None:
+    """Each new target cuts the window after a few frames: a human walked at a third of its speed under a stick."""
+    course, past, velocity = Course(), moved(second, 0.0), (0.5, 0.0, 0.0)
+    places = past.root_position[:, :2]
+    for _ in range(20 * FRAMES // every):
+        course, asked = course.followed(Condition(velocity=velocity), velocity, past, FREE, played=every)
+        going = (place_of(asked, past) - places[-1]) / (DUE_S * FPS)
+        places = np.concatenate([places, places[-1] + going * np.arange(1, every + 1)[:, None]])
+        past = replace(past, root_position=past.root_position.copy())
+        past.root_position[:, :2] = places[-FRAMES:]
+    assert places[-1, 0] == pytest.approx(0.5 * (len(places) - FRAMES) / FPS, rel=0.05)
+
+
+def test_a_curve_ends_where_its_arc_leads(second: Motion) -> None:
+    own, course, past = (0.5, 0.0, 0.4), Course(), moved(second, 0.0)
+    places, headings = past.root_position[:, :2], np.zeros(FRAMES)
+    for _ in range(8):
+        course, asked = course.followed(Condition(velocity=own), own, past, FREE)
+        turned = headings[-1] + own[2] / FPS * np.arange(1, FRAMES + 1)
+        steps = np.column_stack([np.cos(turned), np.sin(turned)]) * own[0] / FPS
+        # A model that walks an arc, shifted so that its end has the mean place that is asked for.
+        arc = places[-1] + np.cumsum(steps, axis=0)
+        shift = place_of(asked, past) - end_mean(arc)
+        assert np.linalg.norm(shift) < 0.03
+        places = np.concatenate([places, arc + shift * np.linspace(0.0, 1.0, FRAMES)[:, None]])
+        headings = np.concatenate([headings, turned])
+        past = with_headings(replace(past, root_position=past.root_position.copy()), headings[-FRAMES:])
+        past.root_position[:, :2] = places[-FRAMES:]
+    angle = own[2] * 8 * WINDOW_S
+    radius = own[0] / own[2]
+    np.testing.assert_allclose(places[-1], radius * np.array([sin(angle), 1.0 - cos(angle)]), atol=0.05)
 
 
 def test_who_was_held_up_does_not_hurry_afterwards(second: Motion) -> None:

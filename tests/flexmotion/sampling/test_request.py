@@ -11,14 +11,16 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.request import Requests
+from flexmotion.sampling.sampler import Sampler
 
 
 @pytest.mark.parametrize("turning", [0.5, -0.5])
 def test_a_turn_on_the_spot_may_be_a_number_of_numpy(bundle: Path, turning: float) -> None:
     """A velocity of NumPy floats raised a TypeError: a comparison of them is no index of a tuple."""
-    requests = Requests(Bundle(bundle))
-    numbers = (np.float64(0.0), np.float64(0.0), np.float64(turning))
-    assert requests.noise(Condition(velocity=numbers)) == requests.noise(Condition(velocity=(0.0, 0.0, turning)))
+    sampler = Sampler(Bundle(bundle))
+    plain, numbers = ((kind(0.0), kind(0.0), kind(turning)) for kind in (float, np.float64))
+    one, other = (sampler.features(sampler.standing(), Condition(velocity=each), seed=1) for each in (plain, numbers))
+    np.testing.assert_array_equal(one, other)
 
 
 def test_what_travels_is_known_from_measured_speeds(bundle: Path) -> None:

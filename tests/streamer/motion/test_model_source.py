@@ -249,6 +249,27 @@ def test_a_target_that_is_given_up_leaves_nothing_behind() -> None:
     assert sources[0].program_at(32) == sources[1].program_at(32)
 
 
+def test_a_refused_change_of_speed_is_no_part_of_what_goes_on() -> None:
+    """Regression: of a measured walk, "faster" at the greatest speed took the steps away, and the planner crashed."""
+    own = source(pace=Pace(0.5, 0.4, 0.2, 0.5))
+    own.turn_to(target(Velocity(0.5, 0.0, 0.0)), 5, None)
+    walk = own.program_at(6)
+    own.turn_to(target(Text("faster")), 20, None)
+    assert own.answer is not None and own.answer.state == "refused" and "greatest speed" in str(own.answer.reason)
+    assert walk is not None and own.program_at(21) == walk
+
+
+def test_nothing_is_under_way_after_a_stop() -> None:
+    """Regression: "slower" after a STOP made a standing robot walk."""
+    own = source()
+    own.turn_to(target(Velocity(0.4, 0.0, 0.0)), 5, None)
+    found = own.program_at(6)
+    assert found is not None
+    own.stopped(found[1])
+    own.turn_to(target(Text("slower")), 20, None)
+    assert own.answer is not None and "nothing is under way" in str(own.answer.reason)
+
+
 def test_a_stop_ends_it_and_a_target_after_it_begins_from_a_stand() -> None:
     it = source(Item(0.0, WALK))
     sampled = it.window(0, 40)

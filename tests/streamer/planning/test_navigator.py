@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from flexmotion.configs.robot import load_robot
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
-from flexmotion.streamer.motion.intents import Goal, Heading, Waypoint
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Waypoint
 from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase, Wound
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
@@ -163,3 +163,13 @@ def test_what_is_near_and_what_is_still_is_so_by_the_size_of_the_robot() -> None
         standstill = Standstill(np.zeros(3), 0.0, size)
         ends.append([standstill.settled(sway, 0.1 * k) for k, sway in enumerate(sways)][-1])
     assert ends == [False, True]
+
+
+def test_a_turn_goes_on_at_another_speed() -> None:
+    """From the turn under way on; what is asked beyond the pace is the pace's. The one before is as it was."""
+    navigator = Navigator(Wound(2.0, 0.5), PACE, np.zeros(3), 0.0, SIZE)
+    for turning, expected in ((-0.3, 0.3), (5.0, 0.5), (0.0, SLOWEST_TURN)):
+        other = navigator.at(turning)
+        assert other.move is not None and other.move.turning == pytest.approx(expected)
+        assert other.phase is Phase.TURN and isinstance(other.goal, Wound) and other.goal.heading == 2.0
+    assert navigator.move is not None and navigator.move.turning == pytest.approx(0.5)

@@ -37,6 +37,7 @@ class FakeSource:
 
     pace = None
     finished: int | None = None
+    stopped_number: int | None = None
     steered: Velocity | None = None
     looks_rad = 0.0  # where its human looks, from 10 s on
 
@@ -53,6 +54,9 @@ class FakeSource:
 
     def steer(self, intent: Velocity) -> None:
         self.steered = intent
+
+    def stopped(self, program: Program) -> None:
+        self.stopped_number = program.number
 
     def is_over(self, frame: int) -> bool:
         return self.finished is not None and frame >= self.finished
@@ -425,6 +429,69 @@ def test_a_walk_that_is_told_to_go_faster_is_kept_at_its_new_speed(before: Step)
     robot.run(4.0, ahead=0.6)
     steered = robot.runner.source.steered
     assert steered is not None and steered.forward > 0.55
+
+
+LED = step("walk-turn-left", math.pi / 2, "angle", turn=1, intent=Velocity(0.0, 0.0, 0.5))
+
+
+def heading_to(angle: float) -> Step:
+    told = HeardStep(text="heading", heard_as="heading")
+    return Step(Text("stand still"), "heading", None, (0, 0), 0, None, told, Heading(angle))
+
+
+def test_a_goal_ends_what_was_kept() -> None:
+    """Regression: a velocity, then a waypoint: the keeper steered on, and the robot walked off for good."""
+    robot = Robot((0, program(OPEN)))
+    robot.run(4.0, ahead=0.4)
+    goal = program(heading_to(math.pi / 2), number=2)
+    robot.runner.turned(goal, robot.row)
+    robot.runner.source.programs = [(0, goal)]
+    robot.runner.source.steered = None
+    robot.run(3.0)
+    assert robot.runner.source.steered is None
+
+
+def test_a_stop_ends_what_is_under_way_for_the_source_too() -> None:
+    """Regression: "faster" after a STOP made a standing robot walk, although it was refused."""
+    robot = Robot((0, program(OPEN)))
+    robot.run(4.0, ahead=0.4)
+    robot.runner.update(robot.row, halted=True)
+    assert robot.runner.source.stopped_number == 1
+
+
+def test_a_change_of_speed_leaves_a_robot_that_comes_to_rest_at_rest() -> None:
+    """Regression: "slower", as half a metre was done and the robot came to rest, led on to 1.07 m, "done"."""
+    robot = Robot((0, program(WALK)))
+    while not robot.runner.resting:
+        robot.run(0.1, ahead=0.4)
+    slower = program(replace(WALK, intent=Velocity(0.3, 0.0, 0.0)))
+    assert robot.runner.turned(slower, robot.row) is None and robot.runner.resting
+    robot.runner.source.programs = [(0, slower)]
+    robot.run(4.0, ahead=0.4)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_turn_that_is_told_to_go_slower_ends_where_it_was_to() -> None:
+    """Regression: it was begun anew, with all of its angle: 110° of 90."""
+    robot = Robot((0, program(LED)))
+    robot.run(1.5, turn=0.5)
+    slower = program(replace(LED, intent=Velocity(0.0, 0.0, 0.3)))
+    assert robot.runner.turned(slower, robot.row) == Velocity(0.0, 0.0, 0.3)
+    robot.runner.source.programs = [(0, slower)]
+    robot.run(8.0, turn=0.3)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == pytest.approx(math.pi / 2, abs=0.1)
+
+
+def test_a_curve_between_two_straight_ways_changes_the_heading_that_is_kept() -> None:
+    robot = Robot((0, program(OPEN)))
+    robot.run(4.0, ahead=0.4)
+    robot.runner.source.programs = [(0, program(replace(OPEN, intent=Velocity(0.4, 0.0, 0.3)), number=2))]
+    robot.run(3.0, ahead=0.4, turn=0.3)
+    robot.runner.source.programs = [(0, program(OPEN, number=3))]
+    before = robot.runner.aside
+    robot.run(6.0, ahead=0.4)
+    # The robot looks where the curve has led: nothing of it is taken back.
+    assert robot.runner.aside == pytest.approx(before, abs=0.02)
 
 
 def test_another_speed_keeps_the_heading() -> None:
