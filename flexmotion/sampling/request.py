@@ -34,6 +34,11 @@ BACK_FROM = 0.1
 """The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""
 
 
+def is_still(velocity: tuple[float, float, float]) -> bool:
+    """Whether a velocity without words means standing still."""
+    return bool(np.abs(velocity).max() < STILL)
+
+
 class Requests:
     """Reads the words of conditions and says them to the network of one bundle.
 
@@ -90,7 +95,7 @@ class Requests:
             walks = hypot(*speed[:2]) >= RUN_FROM > hypot(*slowed.velocity[:2])
             # Words of running, and of turning, pull the body to their own speed: half as fast again in a turn.
             return replace(slowed, text=None) if walks or speed[2] else slowed
-        still = condition.text is None and np.abs(condition.velocity).max() < STILL
+        still = condition.text is None and is_still(condition.velocity)
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
     @property

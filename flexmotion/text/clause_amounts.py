@@ -167,10 +167,12 @@ def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     rest: list[Token] = []
     for token in tokens:
         if isinstance(token, str) and token in speeds:
-            factor *= speeds[token]
+            share = speeds[token]
             manner.append(token)
             while rest and rest[-1] in known.words("amplifiers"):
-                rest.pop()
+                said_before = rest.pop()
+                share = share**2 if said_before in known.words("strong") else share
+            factor *= share
         else:
             rest.append(token)
     return factor, " ".join(manner), rest

@@ -337,7 +337,8 @@ class Desk:
                 self.mirror.goes_on()  # a run that mirrors follows no other target
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
-            self._follow(Following(source, content, told, now, asked.holds_s, asked.on_end, heard.steps), "superseded")
+            holds_s = asked.holds_s if heard.left_s is None else min(asked.holds_s, heard.left_s)
+            self._follow(Following(source, content, told, now, holds_s, asked.on_end, heard.steps), "superseded")
         elif told.state == "refused" and told.tick is not None:
             self._follow(None, "superseded")  # it stands still
 

@@ -123,6 +123,7 @@ class Heard(BaseModel):
         reason: why it is refused, or stands still.
         notes: what was taken for words that say no number, and what else there is to know of how it is done.
         steps: its requests; empty where it is refused.
+        left_s: the time that is left to the target whose speed it changes, and to it [s]; None: it has its own.
         holds: what holds from then on; None: it is for the whole body, or lets something go.
         there: of a part, once it is there: how far it is from its place as measured, in words.
         missed: of a part that was not there in time: likewise.
@@ -147,6 +148,7 @@ class Heard(BaseModel):
     reason: str | None = None
     notes: tuple[str, ...] = ()
     steps: tuple[HeardStep, ...] = ()
+    left_s: float | None = None
     holds: Holds | None = None
     there: str | None = None
     missed: str | None = None

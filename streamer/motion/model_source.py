@@ -94,16 +94,20 @@ class ModelSource:
         self._finished: int | None = None  # number of the program that is done
         self._last: Program | None = None  # what "again" repeats
         self.answer: Heard | None = None
-        for item in self.items:
+        heard: list[Program] = []
+        for number, item in enumerate(self.items):
             self._require(item.intent)
             frame = round(item.at * self.fps)
-            program = self._heard(item.intent, frame, item=len(self._programs), at_s=item.at)
+            program = self._heard(item.intent, frame, item=number, at_s=item.at)
+            heard.append(program)
+            if self._is_refused_change(program):
+                continue
             self._programs.append((frame, program))
             # A change of speed acts on the step that is then under way, which is not known yet (`change`).
             step = program.steps[-1 if self._continues() else 0]
             self._schedule.append((frame, step.begins))
-        self._item_programs = tuple(program for _, program in self._programs)
-        self.heard_items = tuple(program.heard for program in self._item_programs)
+        self._item_programs = tuple(heard)
+        self.heard_items = tuple(program.heard for program in heard)
         # Sampled motion: frames from `_first` on, in the pieces in which they were sampled, so that a piece without
         # forces does not remove those of the others. Before frame 0 the human stands.
         self._pieces = [sampler.standing()]
@@ -160,6 +164,8 @@ class ModelSource:
         self._require(target.intent)
         current, held = self.program_at(frame), self._holds(frame)
         program = self._heard(target.intent, frame + 1, id=target.id)
+        if self._is_refused_change(program):
+            raise ConfigError(str(program.heard.reason))
         self._replace_after(frame, played, yaw)
         intent: Intent | None = program.steps[0].begins
         if current is not None and current[1].number == program.number:
@@ -167,8 +173,7 @@ class ModelSource:
             following = self._intent_at(frame)
             place = next((i for i, step in enumerate(current[1].steps) if step.intent == following), None)
             intent = following if place is None else program.steps[place].intent
-            # A refusal to change the speed is an answer of its own, and nothing of what goes on.
-            self._programs = [(current[0], current[1] if program.heard.state == "refused" else program)]
+            self._programs = [(current[0], program)]
         else:
             self._programs = [(frame + 1, program)]
         begun, first = self._begun(frame), frame + 1
@@ -191,6 +196,10 @@ class ModelSource:
     def program_at(self, frame: int) -> tuple[int, Program] | None:
         """The program that is followed at a frame, and its first frame; None before the first."""
         return next((one for one in reversed(self._programs) if one[0] <= frame), None)
+
+    def goes_on(self, program: Program) -> bool:
+        """Whether the newest program is this one, perhaps at another speed."""
+        return any(one.number == program.number for _, one in self._programs[-1:])
 
     def change(self, intent: Intent, frame: int, played: Motion | None, yaw: float | None = None) -> None:
         """Follow another intent of the program from `frame` on; what the script has later stays.
@@ -251,6 +260,10 @@ class ModelSource:
             if program.heard.state != "refused" and not isinstance(intent, Stop):
                 self._last = program
         return program
+
+    def _is_refused_change(self, program: Program) -> bool:
+        """Whether a program is one that goes on as before, since its speed cannot change: an answer, and no more."""
+        return program.heard.state == "refused" and program.number in {one.number for _, one in self._programs}
 
     def _continues(self) -> bool:
         """Whether the newest program of the script is the one before it, at another speed."""

@@ -8,13 +8,11 @@ from typing import Protocol
 import numpy as np
 
 from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.request import is_still
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.intents import FASTEST, Text, Velocity
 from flexmotion.streamer.motion.programs import Step
 from flexmotion.text.prompt_reader import Prompt
-
-SLOWEST = 0.3
-"""Share of the robot's pace below which its gait is no walk any more."""
 
 
 class Model(Protocol):
@@ -70,10 +68,13 @@ class Speeds:
         if base is None:
             return step
         manner, base = self._manner(step), self._shown(base)
-        limited = Condition(velocity=_clipped(base, factor), pace=self.pace)
+        scaled = _clipped(base, factor)
+        if factor < 1.0 and is_still(scaled):
+            return step
+        limited = Condition(velocity=scaled, pace=self.pace)
         velocity = self._shown(self.model.meant(limited).velocity or base)
         change = float(np.abs(velocity).max() / max(np.abs(base).max(), 1e-9))
-        if (factor > 1.0 and change < 1.03) or (factor < 1.0 and self._share(velocity) < SLOWEST):
+        if factor > 1.0 and change < 1.03:
             return step
         limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
         told = step.told.model_copy(update={"limit_s": limit})
@@ -100,15 +101,6 @@ class Speeds:
 
     def _shown(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
         return velocity if self.pace is None else self.pace.shown(velocity)
-
-    def _share(self, velocity: tuple[float, float, float]) -> float:
-        """Share of the pace that a velocity takes."""
-        if self.pace is None:
-            return 1.0
-        pace = self.pace
-        forward, left, turning = velocity
-        ahead = abs(forward) / (pace.ahead if forward > 0 else pace.back)
-        return max(ahead, abs(left) / pace.aside, abs(turning) / pace.turning)
 
 
 def _clipped(velocity: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

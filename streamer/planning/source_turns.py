@@ -53,6 +53,7 @@ class SourceTurns:
         source = self.planner.source
         assert isinstance(source, LiveSource)
         played = self._played(current, join)
+        before = None if self.runner is None else self.runner.source.program_at(played[0])
         self._undo = [source.kept(), *([] if self.runner is None else [Undo(self.runner)])]
         try:
             remark = source.turn_to(target, *played)
@@ -71,7 +72,8 @@ class SourceTurns:
             begin = None if found is None else self.runner.turned(found[1], row, stands_at)
             if begin is not None:
                 self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
-        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
+        goes_on = self.runner is not None and before is not None and self.runner.source.goes_on(before[1])
+        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None, goes_on=goes_on)
         return True
 
     def _travels(self, frame: int) -> bool:

@@ -213,8 +213,21 @@ class TargetLedger:
             self.halted = True
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
 
-    def turned(self, target: Target, heard: Heard | None) -> None:
-        """The source follows a target from now on, which it understands like this (None: as it is)."""
+    def turned(self, target: Target, heard: Heard | None, *, goes_on: bool = False) -> None:
+        """The source follows a target from now on.
+
+        Args:
+            target: which.
+            heard: how the source understands it; None: as it is.
+            goes_on: whether it changes the speed of what is under way, which ends no later than it would have.
+        """
+        under_way = self._planned or self._followed
+        if goes_on and under_way is not None:
+            left_s = under_way.target.holds_s - under_way.age_s(self.now_s())
+            if math.isfinite(left_s) and self._open is not None and self._open.target.id == target.id:
+                holds_s = min(target.holds_s, self._open.age_s(self.now_s()) + left_s)
+                self._open = replace(self._open, target=replace(self._open.target, holds_s=holds_s))
+                heard = heard if heard is None else heard.model_copy(update={"left_s": left_s})
         self._before, self.halted = (self._turned_s, self.halted), False
         self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:

@@ -301,3 +301,12 @@ def test_a_correction_that_is_refused_stays_refused() -> None:
     """A place has no amount to keep: "walk forward 2 m, no, go to the door"."""
     (clause,) = parse("walk forward 2 m, no, go to the door")
     assert clause.refusal is not None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "factor"), [("walk slowly", 0.6), ("walk very slowly", 0.36), ("walk quite slowly", 0.6)]
+)
+def test_very_slowly_is_slower_than_slowly(sentence: str, factor: float) -> None:
+    """The word "very" was dropped without a word."""
+    (clause,) = parse(sentence)
+    assert clause.text == "walk" and clause.speed == pytest.approx(factor) and clause.dropped == ()

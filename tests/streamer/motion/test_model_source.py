@@ -254,9 +254,15 @@ def test_a_refused_change_of_speed_is_no_part_of_what_goes_on() -> None:
     own = source(pace=Pace(0.5, 0.4, 0.2, 0.5))
     own.turn_to(target(Velocity(0.5, 0.0, 0.0)), 5, None)
     walk = own.program_at(6)
-    own.turn_to(target(Text("faster")), 20, None)
-    assert own.answer is not None and own.answer.state == "refused" and "greatest speed" in str(own.answer.reason)
+    with pytest.raises(ConfigError, match="greatest speed already; it goes on"):
+        own.turn_to(target(Text("faster")), 20, None)
     assert walk is not None and own.program_at(21) == walk
+
+
+def test_a_refused_change_of_speed_in_a_script_leaves_the_item_before() -> None:
+    own = source(Item(0.0, Velocity(0.5, 0.0, 0.0)), Item(2.0, Text("faster")), pace=Pace(0.5, 0.4, 0.2, 0.5))
+    assert [heard.state for heard in own.heard_items] == ["accepted", "refused"]
+    assert own.program_at(0) == own.program_at(100) and own.program_at(100) is not None
 
 
 def test_nothing_is_under_way_after_a_stop() -> None:

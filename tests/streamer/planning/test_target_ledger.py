@@ -353,3 +353,34 @@ def test_a_target_that_comes_while_the_robot_gets_up_is_refused_by_name(bench: B
     bench.mailbox.send(WAVE)
     bench.look(10, state=State.GET_UP)
     assert bench.states == [(1, "refused")] and "wait until it stands" in str(bench.told[0].reason)
+
+
+@pytest.mark.parametrize("holds_s, ends_s", [(float("inf"), 3.0), (0.5, 2.5)])
+def test_a_change_of_speed_ends_with_what_it_changes(bench: Bench, holds_s: float, ends_s: float) -> None:
+    """Regression: a stick's velocity held for .5 s; "slower" made it a walk without an end."""
+    bench.mailbox.send(WALK, holds_s=3.0)
+    bench.look(0)
+    bench.follow(0)
+    bench.mailbox.send(Text("slower"), holds_s=holds_s)
+    bench.look(200)
+    target = bench.ledger.wanted
+    bench.ledger.turned(target, Heard(asked="slower", state="accepted", heard_as="walk"), goes_on=True)
+    bench.taken = target.id
+    bench.look(201)
+    assert bench.told[-1].state == "accepted" and bench.told[-1].left_s == pytest.approx(1.0, abs=0.02)
+    bench.look(round(ends_s * RATE) - 2)
+    assert not bench.ledger.halted
+    bench.look(round(ends_s * RATE) + 2)
+    assert bench.ledger.halted
+
+
+def test_a_change_of_speed_of_what_has_no_end_has_none(bench: Bench) -> None:
+    bench.mailbox.send(WALK)
+    bench.look(0)
+    bench.follow(0)
+    bench.mailbox.send(Text("slower"))
+    bench.look(200)
+    bench.ledger.turned(bench.ledger.wanted, Heard(asked="slower", state="accepted"), goes_on=True)
+    bench.taken = 2
+    bench.look(100_000)
+    assert bench.told[-1].left_s is None and not bench.ledger.halted
