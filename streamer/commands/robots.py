@@ -70,7 +70,8 @@ def show(
         else:
             print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
-            print_result("\n".join(["", _pace(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]))
+            told = [_pace(chosen), _scale(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]
+            print_result("\n".join(["", *told]))
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
@@ -131,6 +132,18 @@ def _pace(robot: Robot) -> str:
     return (
         f"A motion model is asked for this robot's pace at most: {pace.ahead:g} m/s ahead{reached}, "
         f"{pace.back:g} m/s back, {pace.aside:g} m/s aside, turning {pace.turning:g} rad/s"
+    )
+
+
+def _scale(robot: Robot) -> str:
+    from flexmotion.human.body import Body
+    from flexmotion.streamer.motion.robot_pace import human_scale
+
+    body = Body()
+    own = 1.0 / human_scale(robot, body)
+    return (
+        f"Velocities are of the human: 1 m/s of one of {body.height:g} m is {own:.3g} m/s of this robot, by the length "
+        "of the legs"
     )
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.human.body import Body
-from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.hub import Transport
 from flexmotion.streamer.gateway.messages import KINDS
@@ -122,9 +120,8 @@ def _ways(session: Session, listening: Listening) -> tuple[tuple[Transport, ...]
         need("rosbags", "--ros2", "ros2")
         _check_types(settings.ros2_types)
         link = Ros2Link(name, settings.ros2_port, domain_from_environment())
-        body = session.source.body if isinstance(session.source, ModelSource) else Body()
-        ratio = body.leg / WholeBody(session.robot).leg_length
-        transports.append(Ros2Targets(link, session.robot, ratio, settings.ros2_rate_hz, settings.ros2_types))
+        scale = session.human_scale
+        transports.append(Ros2Targets(link, session.robot, scale, settings.ros2_rate_hz, settings.ros2_types))
         inputs.append(Ros2Stops(link))
     if listening.gamepad:
         check_gamepad(settings.gamepad)

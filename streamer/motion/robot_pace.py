@@ -1,4 +1,4 @@
-"""`human_pace`: the speed to which a human is limited so that a robot keeps up."""
+"""`human_pace`, `human_scale`: the speed to which a human is limited so that a robot keeps up, and its metres."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from flexmotion.configs.robot import Robot
 from flexmotion.human.body import Body
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.sampling.pace import Pace
+
+
+def human_scale(robot: Robot, body: Body) -> float:
+    """Metres of a human for one of a robot, by the length of their legs."""
+    return float(body.leg / WholeBody(robot).leg_length)
 
 
 def human_pace(robot: Robot, body: Body) -> Pace | None:
@@ -16,6 +21,6 @@ def human_pace(robot: Robot, body: Body) -> Pace | None:
     own = robot.gait.pace
     if own is None:
         return None
-    ratio = body.leg / WholeBody(robot).leg_length
+    ratio = human_scale(robot, body)
     reached = None if own.reached is None else own.reached * ratio
     return Pace(own.ahead * ratio, own.back * ratio, own.aside * ratio, own.turning, reached)

@@ -17,11 +17,14 @@ from types import TracebackType
 from typing import Any, Self
 
 from flexmotion.configs.errors import ConfigError, SessionError
+from flexmotion.human.body import Body
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import WORDS, Intent
+from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import PartIntent
+from flexmotion.streamer.motion.robot_pace import human_scale
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.run.parts import RunParts
@@ -206,6 +209,11 @@ class Session(RunParts):
         Of a long run the newest thousand targets are kept.
         """
         return self.answers.newest()
+
+    @property
+    def human_scale(self) -> float:
+        """Metres of the human for one of the robot, by the length of their legs: velocities are those of the human."""
+        return human_scale(self.robot, self.source.body if isinstance(self.source, ModelSource) else Body())
 
     @property
     def state(self) -> SessionState:
