@@ -35,9 +35,9 @@ from flexmotion.streamer.report.report import DisplacementSection
 
 SPEEDS: dict[str, tuple[float, ...]] = {
     "ahead": (0.4, 0.6, 0.8, 1.0, 1.2),
-    "back": (0.3, 0.45, 0.6, 0.8),
+    "back": (0.3, 0.45, 0.6, 0.8, 1.0),
     "aside": (0.15, 0.2, 0.25, 0.3),
-    "turning": (0.3, 0.5, 0.7, 1.0),
+    "turning": (0.3, 0.5, 0.7, 0.85, 1.0),
 }
 """Of the human [m/s, rad/s]."""
 KEEPS_UP, NO_SLOWER, STAYS_UP = 0.4, 0.7, 0.9
