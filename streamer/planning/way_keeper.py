@@ -33,10 +33,11 @@ _GAIN, _INTEGRAL = np.array([0.2, 0.2, 0.7]), np.array([0.02, 0.02, 0.06])
 A window is a second long: .7 takes back most of what is missing in one (sampled humans over 60 s looked 4.8° off in
 curves at .3, 3.2 at .5, 2.4 at .7, rms of three seeds). On the way it is less: a robot that begins a second late is not
 to hurry."""
-_ACTS_S = np.array([1.0, 1.0, 0.0])
-"""So long after a velocity is asked for the robot still does what was asked before: that way is neither missing nor
-too much [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50); turns
-begin at once. Counted, "slower" from .86 m/s of the human to .6 led to .49 for 4 s."""
+_ACTS_S = 1.5
+"""From this time on the robot does what is asked for: its way counts from its mean place in the gait cycle before, as a
+torso sways [s]. A robot stands for .6 s after a stick is moved and has its speed after 1.4 (`robot/steering`, p50);
+turns begin at once, and count. Counted from the begin, "slower" from .86 m/s of the human to .6 led to .49 for 4 s;
+counted from one moment, a way ahead and aside was half a step off to the side."""
 _LEAST, _MOST = 0.5, 2.0
 """Bounds of what is asked for over what is to be done, which the integral learns: a robot falls short of its human, and
 slips beyond it."""
@@ -77,6 +78,7 @@ class WayKeeper:
         # What has been learnt: what is asked for over what is to be done, and, where that is nothing, over time.
         self._ratio, self._sum = np.ones(3), np.zeros(3)
         self._recent: deque[tuple[float, Float]] = deque([(time_s, self._missing)])
+        self._acts = False
         speed = math.hypot(*self._wanted[:2])
         aside = bool(self._wanted[1])
         self._kept = np.array([speed > 0.0, aside, bool(self._wanted[2])])
@@ -101,23 +103,31 @@ class WayKeeper:
         if passed <= 0.0:
             return None
         done[:2] *= self._scale
-        most, counts = _MOST_S * self._speeds, self._kept & (time_s - self._begin_s >= _ACTS_S)
-        self._missing = np.clip(self._missing + self._wanted * passed - done, -most, most) * counts
+        most = _MOST_S * self._speeds
+        self._missing = np.clip(self._missing + self._wanted * passed - done, -most, most) * self._kept
         self._recent.append((time_s, self._missing))
         while self._recent[0][0] < time_s - MEAN_S:
             self._recent.popleft()
+        if not self._acts and time_s - self._begin_s >= _ACTS_S:
+            self._acts = True
+            self._count_from(np.mean([one for _, one in self._recent], axis=0) * [1.0, 1.0, 0.0])
         if time_s - self._changed_s < _EVERY_S or (coming := ahead.coming()) is None:
             return None
         since, self._changed_s = min(time_s - self._changed_s, _LONGEST_S), time_s
         seconds, does = coming
         missing = np.mean([one for _, one in self._recent], axis=0) + self._wanted * seconds - does
-        missing = np.clip(missing, -most, most) * counts
+        missing = np.clip(missing, -most, most) * (self._kept & [self._acts, self._acts, True])
         held = (np.abs(missing) >= most) & self._does
         self._learn(np.where(held, 0.0, missing) * since)
         found = self._bounded(self._ratio * (self._wanted + _GAIN * missing) + _INTEGRAL * self._sum)
         forward, left, turning = map(float, found)
         self.asked = replace(self.wanted, forward=forward, left=left, turning=turning, paced=False)
         return self.asked
+
+    def _count_from(self, missing: Float) -> None:
+        """What is missing so far is not."""
+        self._missing = self._missing - missing
+        self._recent = deque((at, one - missing) for at, one in self._recent)
 
     def _learn(self, missing: Float) -> None:
         """What is missing again and again is asked for in proportion to what is to be done, or, of nothing, added."""

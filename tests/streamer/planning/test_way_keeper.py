@@ -61,6 +61,7 @@ def driven(
     sampled_s: float = 1.5,
     held_s: float = 0.0,
     before: Velocity | None = None,
+    sway_m: float = 0.0,
 ) -> Run:
     """A keeper with a human that does `does` of what it is asked for, window after window.
 
@@ -70,6 +71,7 @@ def driven(
         sampled_s: human that is sampled ahead, at least.
         held_s: until then the robot does not move.
         before: velocity at which human and robot moved up to then; None: they stood.
+        sway_m: how far the torso sways to each side, once a second, in the robot's size.
     """
     place, way = np.zeros(3), np.zeros(3)
     keeper = WayKeeper(wanted, PACE, SCALE, place, 0.0)
@@ -88,7 +90,9 @@ def driven(
         middle = place[2] + 0.5 * moved[2]
         turned = np.array([[math.cos(middle), -math.sin(middle)], [math.sin(middle), math.cos(middle)]])
         place = place + [*(turned @ moved[:2] / SCALE), moved[2]]
-        found = keeper.update(place, number * STEP_S, Ahead(human, known + number))
+        sway = sway_m * math.sin(2.0 * math.pi * number * STEP_S)
+        seen = place + [-math.sin(place[2]) * sway, math.cos(place[2]) * sway, 0.0]
+        found = keeper.update(seen, number * STEP_S, Ahead(human, known + number))
         asked += [] if found is None else [found]
     return Run(np.array(done), asked)
 
@@ -161,6 +165,14 @@ def test_a_slower_velocity_is_not_undershot_for_what_was_sampled_before(late_s: 
     """Regression: told to go slower, from .86 m/s to .6, a human was asked for .49 for four seconds."""
     run = driven(Velocity(0.6, 0.0, 0.0), late_s=late_s, before=Velocity(0.86, 0.0, 0.0))
     assert min(one.forward for one in run.asked) > 0.575
+
+
+@pytest.mark.parametrize("sway_m", [0.04, -0.04])
+def test_where_a_torso_sways_as_its_way_begins_to_count_does_not_matter(sway_m: float) -> None:
+    """Regression: .3 m/s ahead and .12 aside led half as far aside as asked in the first ten seconds."""
+    run = driven(Velocity(0.3, 0.12, 0.0), late_s=0.8, sway_m=sway_m)
+    assert run.way[100, 1] == pytest.approx(0.12 * (10.0 - 0.8), abs=0.08)
+    assert max(abs(one.left - 0.12) for one in run.asked[:12]) < 0.02
 
 
 def test_what_is_asked_waits_for_a_human_that_is_known() -> None:
