@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from flexmotion.sampling.pace import Pace
-from flexmotion.sampling.request import is_still
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
@@ -231,7 +230,7 @@ class Hearing:
             return None
         if any(self.model.prompt(rest).known for rest in clause.dropped):
             raise RefusedError(f"{clause.dropped[0]!r}: say it alone, or after 'then'")
-        if under_way is None or all(map(_stands, under_way.steps)):
+        if under_way is None or all(step.kind == STAND or step.is_still for step in under_way.steps):
             raise RefusedError("nothing is under way whose speed could change")
         steps = [self.speeds.changed(step, clause.speed) for step in under_way.steps]
         moved = [step for step, old in zip(steps, under_way.steps, strict=True) if step is not old]
@@ -431,14 +430,6 @@ class Hearing:
         if step.kind == STAND and amount.quantity not in ("time", "times"):
             raise RefusedError(f"{clause.said!r} is not understood: standing has no {amount.said!r}")
         return self._measured(step, amount, times)
-
-
-def _stands(step: Step) -> bool:
-    """Whether a step moves nothing whose speed could change."""
-    match step.intent:
-        case Velocity(forward, left, turning):
-            return is_still((forward, left, turning))
-    return step.kind == STAND
 
 
 def _manners(steps: Sequence[Step]) -> str | None:

@@ -251,13 +251,14 @@ class ModelSource:
     def _heard(self, intent: Intent, frame: int, **about: Any) -> Program:
         """The program of an intent that is followed from a frame on; `about`: fields of its answer."""
         current = self.program_at(frame - 1)
-        under_way = None if current is None or current[1].number == self._finished else current[1]
+        over = current is None or current[1].number == self._finished or current[1].steps[0].is_still
+        under_way = None if current is None or over else current[1]
         program = self._hearing(intent, under_way, self._last)
         program = replace(program, heard=program.heard.model_copy(update=about))
         if program.number == 0:
             self._numbers += 1
             program = replace(program, number=self._numbers)
-            if program.heard.state != "refused" and not isinstance(intent, Stop):
+            if program.heard.state != "refused" and not isinstance(intent, Stop) and not program.steps[0].is_still:
                 self._last = program
         return program
 

@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from flexmotion.sampling.request import is_still
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Goal, Intent, Text, Velocity
 from flexmotion.text.amounts import Amount
@@ -60,6 +61,14 @@ class Step:
     def stands(self) -> bool:
         """Whether it is to stand."""
         return self.kind == STAND and self.goal is None
+
+    @property
+    def is_still(self) -> bool:
+        """Whether it is a velocity that means standing."""
+        match self.intent:
+            case Velocity(forward, left, turning):
+                return self.goal is None and is_still((forward, left, turning))
+        return False
 
     @property
     def is_led(self) -> bool:

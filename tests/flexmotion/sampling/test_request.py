@@ -12,6 +12,9 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
 
 
 @pytest.mark.parametrize("turning", [0.5, -0.5])
@@ -59,3 +62,12 @@ def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     assert requests.guidance(Condition(wordless=True)) == (1.5, 1.0)
     with pytest.raises(ConfigError, match=r"guidance\.bow: unknown kind"):
         corrections.require_known({*corrections.speeds, "walk"}, "corrections.yaml")
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.5])
+def test_a_way_back_is_never_asked_for_with_the_words_of_walking_ahead(bundle: Path, speed: float) -> None:
+    """Regression: a stick that was hardly pulled back sent the robot ahead by 15 cm."""
+    sampler = Sampler(Bundle(bundle))
+    source = ModelSource(sampler, [Item(0.0, Velocity(-speed, 0.0, 0.0))], "back", seconds=4.0)
+    way = source.human().root_position[:, 0]
+    assert way.max() < 0.05 and way[-1] == pytest.approx(-4.0 * speed, abs=0.35)

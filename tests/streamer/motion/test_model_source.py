@@ -265,6 +265,15 @@ def test_a_refused_change_of_speed_in_a_script_leaves_the_item_before() -> None:
     assert own.program_at(0) == own.program_at(100) and own.program_at(100) is not None
 
 
+def test_a_velocity_of_nothing_is_a_stand_and_nothing_under_way() -> None:
+    """Regression: "one more step" after it was "velocity 1 step", and the robot stood for ten seconds."""
+    own = source()
+    own.turn_to(target(Velocity(0.0, 0.0, 0.0)), 5, None)
+    for words in ("slower", "keep going"):
+        own.turn_to(target(Text(words)), 20, None)
+        assert own.answer is not None and own.answer.state == "refused", words
+
+
 def test_nothing_is_under_way_after_a_stop() -> None:
     """Regression: "slower" after a STOP made a standing robot walk."""
     own = source()
