@@ -25,9 +25,9 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import load_robot
 from flexmotion.human.body import Body
-from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer import api
 from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.streamer.motion.robot_pace import human_scale
 
 COURSES: dict[str, tuple[float, float, float]] = {
     "ahead .06 m/s": (0.06, 0.0, 0.0),
@@ -80,7 +80,7 @@ class Run:
 def drive(task: Task, robot_name: str) -> Run:
     """One run."""
     robot = load_robot(robot_name)
-    ratio = Body().leg / WholeBody(robot).leg_length
+    ratio = human_scale(robot, Body())
     forward, left, turning = COURSES[task.course]
     wanted = Velocity(forward * ratio, left * ratio, turning)
     with api.open_session(robot, simulator(robot, task.perturbed, task.seed), seed=task.seed) as session:

@@ -29,12 +29,11 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.body import Body
-from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Velocity
-from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.robot_pace import human_pace, human_scale
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
@@ -104,7 +103,7 @@ class Stopped:
 def asked_at(robot: Robot, velocity: Velocity) -> tuple[float, float, float]:
     """A velocity of the human, slowed to the robot's pace, in the robot's size [m/s, rad/s]."""
     body = Body()
-    pace, ratio = human_pace(robot, body), body.leg / WholeBody(robot).leg_length
+    pace, ratio = human_pace(robot, body), human_scale(robot, body)
     wanted = (velocity.forward, velocity.left, velocity.turning)
     forward, left, turning = wanted if pace is None else pace.slowed(wanted)
     return forward / ratio, left / ratio, turning

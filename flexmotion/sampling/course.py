@@ -133,11 +133,10 @@ class Course:
             moves = not rate or request.velocity is not None  # words of turning turn by themselves
             if way is not None:
                 course, place = course._onward(measured, frames, past.fps)
-                asked = asked.mean_place(anchor.local(np.array([[*place, 0.0]]))[0, :2])
+                asked = asked.mean_place(_seen_from(anchor, place))
             elif not rate:
-                course, line = course._beside(measured)
-                place = anchor.local(np.array([[*line, 0.0]]))[0, :2]
-                asked = asked.mean_place(place, float(led[-1]) + direction - anchor.yaw)
+                course, place = course._beside(measured)
+                asked = asked.mean_place(_seen_from(anchor, place), float(led[-1]) + direction - anchor.yaw)
             if own is not None and way is None:
                 course, more = course._sped(measured, hypot(*going), played / frames)
         request = replace(request, constraints=asked)
@@ -191,7 +190,7 @@ class Course:
         return course, more * min(1.0, FASTEST_RETURN / max(float(np.hypot(*more)), 1e-9))
 
     def _onward(self, measured: _Measured, frames: int, fps: float) -> tuple[Course, Float]:
-        """The course of who moves at a velocity, and where it is to be at the end of the next window, (2,) [m].
+        """The course at a velocity, and the place to be at in the mean of the next window's end, (2,) [m].
 
         A body that is further behind or ahead than a window makes up for does not hurry or wait afterwards; what it is
         aside of its way is made up for in several windows.
@@ -207,7 +206,7 @@ class Course:
         return replace(self, way=way), end_mean(coming) + across * left
 
     def _beside(self, measured: _Measured) -> tuple[Course, Float]:
-        """The course of who travels by words, and a place of its line that the next window is to be on, (2,) [m]."""
+        """The course of words that travel, and a point of the line that the next window is asked to be on, (2,) [m]."""
         assert self.led is not None and self.direction is not None
         angle = float(self.led[-1]) + self.direction
         left, here = np.array([-sin(angle), cos(angle)]), np.asarray(measured.place)
@@ -234,6 +233,12 @@ class Course:
 def _beyond(off: float) -> float:
     """What of a distance is more than one window makes up for [m]."""
     return off - float(np.clip(off, -MOST_AWAY, MOST_AWAY))
+
+
+def _seen_from(anchor: Anchor, place: Float) -> Float:
+    """A place of the floor in the frame of a window, (2,) [m]."""
+    found: Float = anchor.local(np.array([[*place, 0.0]]))[0, :2]
+    return found
 
 
 def _turned(going: tuple[float, float], headings: Float) -> Float:

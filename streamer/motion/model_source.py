@@ -197,10 +197,6 @@ class ModelSource:
         """The program that is followed at a frame, and its first frame; None before the first."""
         return next((one for one in reversed(self._programs) if one[0] <= frame), None)
 
-    def goes_on(self, program: Program) -> bool:
-        """Whether the newest program is this one, perhaps at another speed."""
-        return any(one.number == program.number for _, one in self._programs[-1:])
-
     def change(self, intent: Intent, frame: int, played: Motion | None, yaw: float | None = None) -> None:
         """Follow another intent of the program from `frame` on; what the script has later stays.
 

@@ -67,12 +67,13 @@ class SourceTurns:
             return False
         if remark is not None:
             self.on_note(remark)
+        goes_on = False
         if self.runner is not None:
             found = self.runner.source.program_at(played[0] + 1)
+            goes_on = before is not None and found is not None and found[1].number == before[1].number
             begin = None if found is None else self.runner.turned(found[1], row, stands_at)
             if begin is not None:
                 self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
-        goes_on = self.runner is not None and before is not None and self.runner.source.goes_on(before[1])
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None, goes_on=goes_on)
         return True
 

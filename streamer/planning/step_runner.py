@@ -250,7 +250,10 @@ class StepRunner:
         self._keep_from(step, row)
 
     def _keep_from(self, step: Step, row: TickRow) -> None:
-        """Keep what a step asks for from now on, unless it is kept already; who goes on straight keeps its heading."""
+        """Keep the velocity of a step from now on, unless it is kept already.
+
+        From one velocity without a turn to the next the heading stays.
+        """
         if self._is_kept(step):
             return
         before, self._keeper = self._keeper, self._keeper_of(step, row)

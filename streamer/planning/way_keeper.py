@@ -48,7 +48,8 @@ _MOST_S = 5.0
 _FASTEST = 1.5
 """What is asked of the human is within its pace times this: a robot that is slower than its human goes its fastest."""
 _ACROSS = 2.0
-"""Who moves sideways is kept from going ahead or back by at most this share of the asked speed."""
+"""A human that steps aside is asked to go ahead or back, against the robot's drift, by at most this share of the asked
+speed."""
 
 
 class WayKeeper:

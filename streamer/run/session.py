@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from numbers import Real
 from types import TracebackType
 from typing import Any, Self
@@ -210,7 +211,7 @@ class Session(RunParts):
         """
         return self.answers.newest()
 
-    @property
+    @cached_property
     def human_scale(self) -> float:
         """Metres of the human for one of the robot, by the length of their legs: velocities are those of the human."""
         return human_scale(self.robot, self.source.body if isinstance(self.source, ModelSource) else Body())

@@ -21,9 +21,9 @@ from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.human.body import Body
 from flexmotion.retarget.legs import CHAIN
-from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer import api
 from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.streamer.motion.robot_pace import human_scale
 
 Float = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ def evaluate(robot: Robot, policy: Policy, asked: float, perturbed: bool, seed: 
 
 def evaluate_plan(robot: Robot, asked: float, perturbed: bool, seed: int, seconds: float) -> Walked:
     """The same by plans: the velocity is asked for from a stand as an operator asks, and held for `seconds`."""
-    ratio = Body().leg / WholeBody(robot).leg_length
+    ratio = human_scale(robot, Body())
     driver = simulator(robot, perturbed, seed)
     assert isinstance(driver, SimDriver)
     with api.open_session(robot, driver, seed=seed) as session:

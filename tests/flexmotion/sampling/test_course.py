@@ -39,7 +39,7 @@ def heading_of(asked: Condition, past: Motion) -> float:
 
 
 def aside_of(asked: Condition) -> float:
-    """How far to the left of the last frame a window of who walks ahead by words is asked to be [m]."""
+    """Asked of a window of words that walk ahead: how far to be to the left of the last frame [m]."""
     assert asked.constraints is not None
     (value,) = (mean.value for mean in asked.constraints.means if not mean.weights[3])
     return value * Body().leg
