@@ -117,6 +117,7 @@ CATALOGUE = (
     Benchmark("model/straight", "6 min", (), "a walk off by 5°, 5 % sideways; a stand by 3°, 5 cm in 10 minutes"),
     Benchmark("model/velocity", "5 min", (Need.SET,), "mean error above .15 m/s, .2 rad/s"),
     Benchmark("model/guidance", "10 min"),
+    Benchmark("model/speeds", "2 min", (Need.SET,), "samples by words off by .15 m/s, .2 rad/s from clips"),
     Benchmark("model/corrections", "3 min", (), "sideways velocities missed by .15 m/s, .2 rad/s"),
     Benchmark("model/memorisation", "10 min", (Need.SET,), "half as far from training windows; .3 of the diversity"),
     Benchmark("model/agreement", "1 min", (), "90th percentile at 1 s above 5 cm, 3°"),

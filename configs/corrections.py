@@ -36,8 +36,9 @@ class Corrections(Strict):
         catch_up: share of the velocity that the history lacks which is added to the request, forward, and sideways
             where a sideways velocity is asked for.
         catch_up_limit: greatest velocity that `catch_up` adds [m/s]; `catch_up` needs one.
-        speeds: velocity at which the model moves for a kind of motion without a velocity, by kind. A kind
+        speeds: velocity at which people do a kind of motion for which no velocity is said, by kind. A kind
             without one cannot be slowed to a `Pace`.
+        manner_speeds: the same of a manner in which people go at another speed, by manner and kind.
         guidance: scale of the guidance of kinds that need another than the bundle's: with more of it gestures are made
             more surely, and poses beyond what people do.
         normal_guidance: scale of the guidance of the normal manner; None: that of other manners, which need more of it.
@@ -55,6 +56,7 @@ class Corrections(Strict):
     catch_up: float = Field(default=0.0, ge=0)
     catch_up_limit: float = Field(default=0.0, ge=0)
     speeds: dict[str, Velocity] = Field(default_factory=dict)
+    manner_speeds: dict[str, dict[str, Velocity]] = Field(default_factory=dict)
     guidance: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     normal_guidance: float | None = Field(default=None, gt=0)
 
@@ -81,16 +83,26 @@ class Corrections(Strict):
         inside = float(np.clip(wanted, at[0], at[-1]))
         return float(np.interp(inside, at, asked)) + wanted - inside
 
-    def require_known(self, kinds: Iterable[str], origin: Path | str) -> None:
-        """Raise `ConfigError` if a field names a kind of motion that is not one of the model's `kinds`.
+    def speed(self, kind: str, manner: str) -> Velocity | None:
+        """Velocity of a kind of motion in a manner, for which none is said; None: it is not known."""
+        return self.manner_speeds.get(manner, {}).get(kind, self.speeds.get(kind))
+
+    def require_known(self, kinds: Iterable[str], manners: Iterable[str], origin: Path | str) -> None:
+        """Raise `ConfigError` if a field names a kind of motion, or a manner, that the model does not know.
 
         Args:
-            kinds: that the model knows.
+            kinds, manners: that the model knows.
             origin: file of the corrections, for messages.
         """
-        known = sorted(set(kinds))
-        for field, named in (("speeds", self.speeds), ("guidance", self.guidance)):
-            for kind in named:
+        known, ways = sorted(set(kinds)), sorted(set(manners))
+        named = {"speeds": self.speeds, "guidance": self.guidance}
+        for manner, speeds in self.manner_speeds.items():
+            if manner not in ways:
+                expected = f"expected one of: {', '.join(ways)}" if ways else "this model knows none"
+                raise ConfigError(f"{origin}: field manner_speeds.{manner}: unknown manner, {expected}")
+            named[f"manner_speeds.{manner}"] = speeds
+        for field, of_kinds in named.items():
+            for kind in of_kinds:
                 if kind not in known:
                     raise ConfigError(
                         f"{origin}: field {field}.{kind}: unknown kind, expected one of: {', '.join(known)}"

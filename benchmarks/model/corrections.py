@@ -2,10 +2,9 @@
 
 They are fitted to samples from standing, by a few rounds over velocities: what is asked for changes by a share of what
 the samples lack; the round with the least error is kept, and judged on other samples. First forward velocities and
-turning, then the gain of sideways ones and the forward velocity and turning that come with them. `speeds` is the median
-velocity of every kind of motion that travels, asked for by its wordings alone. The other corrections stay as they are.
-`--write` puts the found ones into the bundle, whatever the verdict. Fails where velocities are missed by more than .15
-m/s or .2 rad/s in the mean.
+turning, then the gain of sideways ones and the forward velocity and turning that come with them. The other corrections
+stay as they are. `--write` puts the found ones into the bundle, whatever the verdict. Fails where velocities are missed
+by more than .15 m/s or .2 rad/s in the mean.
 """
 
 from __future__ import annotations
@@ -31,15 +30,9 @@ from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.configs.corrections import Corrections, Velocity
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.sampler import Sampler
-from flexmotion.text import phrases
-from flexmotion.text.sides import mirrored
 
 Float = NDArray[np.float64]
 
-WORDINGS = 6
-"""Of a kind of motion, of those that it has."""
-TRAVELS, TURNS = 0.35, 0.4
-"""A kind travels where its samples go ahead or back faster than this, and turns where they turn faster [m/s, rad/s]."""
 SPEEDS = (-0.7, -0.3, 0.15, 0.3, 0.5, 0.8, 1.1)
 """Forward velocities at which `ahead` is fitted, besides 0 [m/s]."""
 TURNING: tuple[Velocity, ...] = tuple((ahead, 0.0, turn) for ahead in (0.0, 0.5) for turn in (-0.6, 0.6))
@@ -73,27 +66,6 @@ def settled(
     motion = roll_out(sampler, always(text, velocity), SETTLE_S + seconds, seed).motion
     found: Float = frame_velocities(motion)[-round(seconds * sampler.fps) :].mean(axis=0)
     return found
-
-
-def speeds(sampler: Sampler, samples: int, seconds: float) -> dict[str, Velocity]:
-    """Velocity of every kind of motion that travels by its words alone; those that mean a velocity are left out."""
-    found = {}
-    for kind in track(sorted(set(sampler.bundle.prompts.kinds)), "kinds", console=Console(stderr=True)):
-        if phrases.velocity(kind) is not None or "leg" not in (phrases.limbs(kind) or ()):
-            continue
-        texts = phrases.wordings(kind)[:WORDINGS]
-        draws = [settled(sampler, seconds, seed, text=texts[seed % len(texts)]) for seed in range(samples)]
-        # The median: a wording that is taken for another kind must not pull the mean.
-        forward, _, turning = (_rounded(value) for value in np.median(draws, axis=0))
-        # Words that mean sideways motion mean a velocity: what else goes aside is sway, and drift without a course.
-        if abs(forward) > TRAVELS:
-            found[kind] = (forward, 0.0, turning if abs(turning) > TURNS else 0.0)
-    return {kind: _even(own, found.get(mirrored(kind), own)) for kind, own in found.items()}
-
-
-def _even(own: Velocity, image: Velocity) -> Velocity:
-    """The mean of a kind's velocity and of its mirror image's: their difference is chance."""
-    return _rounded((own[0] + image[0]) / 2), 0.0, _rounded((own[2] - image[2]) / 2) if own != image else own[2]
 
 
 def responses(sampler: Sampler, asked: Sequence[Velocity], seeds: range, seconds: float) -> Float:
@@ -198,7 +170,6 @@ def main(
             sentence = f"{name}: missed by {least[place]:.3f} {unit} (<= {LIMITS[place]}; before {told[place]:.3f})"
             verdicts.append(Verdict(sentence, least[place] <= LIMITS[place]))
         figures[f"{name}_errors"] = list(least)
-    best = best.model_copy(update={"speeds": speeds(sampler_with(opened, best), samples, seconds)})
     console = Console(width=120)
     console.print(table)
     console.print_json(data=best.model_dump())

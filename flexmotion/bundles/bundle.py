@@ -79,7 +79,7 @@ class Bundle:
                 raise ConfigError(f"{path}: personal: {manner!r}: its network {network!r} or its embedding is missing")
         if self.manifest.corrections.speeds:
             known = {*self.prompts.kinds, *self.listener.kinds}
-            self.manifest.corrections.require_known(known, f"{path}: corrections")
+            self.manifest.corrections.require_known(known, self.manners.names, f"{path}: corrections")
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=10,
+    newest=11,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -47,7 +47,9 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
-_CORRECTIONS_SINCE_10 = {"guidance", "normal_guidance"}
+_CORRECTIONS_SINCE_11 = {"manner_speeds"}
+_SINCE_11: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_11}
+_CORRECTIONS_SINCE_10 = {"guidance", "normal_guidance"} | _CORRECTIONS_SINCE_11
 _SINCE_10: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_10}
 _CORRECTIONS_SINCE_9 = {"pose_noise"} | _CORRECTIONS_SINCE_10
 _SINCE_9: dict[str, Any] = {"corrections": _CORRECTIONS_SINCE_9}
@@ -197,6 +199,9 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     """
     texts = [_text(manifest.model_dump())]
     corrections, plain = manifest.corrections, Corrections()
+    if corrections.manner_speeds:
+        return _hashes(texts)
+    texts.append(_text(manifest.model_dump(exclude=_SINCE_11) | {"schema_": "flexmotion.bundle/10"}))
     if any(getattr(corrections, name) != getattr(plain, name) for name in _CORRECTIONS_SINCE_10):
         return _hashes(texts)
     texts.append(_text(manifest.model_dump(exclude=_SINCE_10) | {"schema_": "flexmotion.bundle/9"}))

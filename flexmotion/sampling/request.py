@@ -85,7 +85,7 @@ class Requests:
             condition = replace(condition, manner=None if said == NORMAL else said)
         if condition.velocity is None:
             kind = self.prompt(condition.text).kind
-            meant, speed = phrases.velocity(kind), self._corrections.speeds.get(kind)
+            meant, speed = phrases.velocity(kind), self._corrections.speed(kind, self.manner(condition))
             if meant is not None:
                 return self._slowed(replace(condition, text=None, velocity=meant))
             slowed = None if speed is None else self._slowed(replace(condition, velocity=speed))
@@ -125,7 +125,7 @@ class Requests:
         if condition.velocity is not None:
             return condition.velocity
         kind = self.prompt(condition.text).kind
-        return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speeds.get(kind)
+        return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speed(kind, self.manner(condition))
 
     def noise(self, condition: Condition) -> float:
         """Scale of the noise that a window of a condition of `meant` begins from."""

@@ -19,7 +19,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.features.constraint_layout import ConstraintLayout
 from flexmotion.human.body import Body
 from flexmotion.sampling.tangent import decoder_jacobian
-from flexmotion.text.manners import manner_wordings
+from flexmotion.text.manners import manner_wordings, manners
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
@@ -100,7 +100,7 @@ def export(
         raise ConfigError(f"{run.folder}: is personalised to {personal[0]!r}, and no bundle without the model before")
     require_bundle_folder(folder)
     corrections = run.config.corrections if corrections is None else corrections
-    corrections.require_known(kinds(), "corrections")
+    corrections.require_known(kinds(), manners(), "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     remove_networks(folder)

@@ -41,7 +41,9 @@ HASH_OF_0_1_0 = "363bd437c93721c6"
 def of_schema_7(folder: Path) -> tuple[Bundle, Bundle]:
     """Two copies of the shipped bundle, with corrections that schema 7 has: in the newest schema, and in schema 7."""
     corrections = {"aside": 1.5, "speeds": {"run": [2.3, 0.0, 0.0]}}
-    rest = Corrections.model_validate(corrections).model_dump(exclude={"pose_noise", "guidance", "normal_guidance"})
+    rest = Corrections.model_validate(corrections).model_dump(
+        exclude={"pose_noise", "guidance", "normal_guidance", "manner_speeds"}
+    )
     write_manifest(changed(folder / "new", corrections=corrections).manifest, folder / "new" / MANIFEST)
     return Bundle(folder / "new"), changed(folder / "7", corrections=rest, schema_="flexmotion.bundle/7", personal=None)
 
@@ -60,8 +62,8 @@ def test_a_log_of_schema_3_names_the_bundle_in_the_newest_schema_too(tmp_path: P
     manifest = read_manifest(OF_0_1_0)
     assert manifest.schema_ == SCHEMA and manifest.corrections == CORRECTIONS_OF_3
     hashes = [found[:HASH_LENGTH] for found in equivalent_hashes(manifest)]
-    assert hashes[-1] == HASH_OF_0_1_0 and len(set(hashes)) == 8  # in the schemas 10 to 3
-    assert hashes[6] == sha256(OF_0_1_0)[:HASH_LENGTH]
+    assert hashes[-1] == HASH_OF_0_1_0 and len(set(hashes)) == 9  # in the schemas 11 to 3
+    assert hashes[7] == sha256(OF_0_1_0)[:HASH_LENGTH]
     write_manifest(manifest, tmp_path / MANIFEST)
     assert read_manifest(tmp_path / MANIFEST) == manifest
     assert hashes[0] == sha256(tmp_path / MANIFEST)[:HASH_LENGTH]
@@ -84,17 +86,19 @@ def test_joint_contact_is_part_of_the_layout(tmp_path: Path) -> None:
 def test_former_schemas_describe_only_what_they_had() -> None:
     """An older release would sample another layout, or move otherwise, with such a bundle."""
     manifest = read_manifest(OF_0_1_0)
-    assert len(equivalent_hashes(manifest)) == 8
-    assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 6
-    assert len(equivalent_hashes(manifest.model_copy(update={"manner": True}))) == 5
-    assert len(equivalent_hashes(manifest.model_copy(update={"eight_bits": True}))) == 4
-    assert len(equivalent_hashes(manifest.model_copy(update={"personal": {"like Ada": "person-1.onnx"}}))) == 3
+    assert len(equivalent_hashes(manifest)) == 9
+    assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 7
+    assert len(equivalent_hashes(manifest.model_copy(update={"manner": True}))) == 6
+    assert len(equivalent_hashes(manifest.model_copy(update={"eight_bits": True}))) == 5
+    assert len(equivalent_hashes(manifest.model_copy(update={"personal": {"like Ada": "person-1.onnx"}}))) == 4
     for new in (Corrections(turning=1.2), Corrections(travelling_noise=0.5), Corrections(ahead=((0.0, 0.1),))):
-        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 4
+        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 5
     held = {"corrections": Corrections(pose_noise=0.3)}
-    assert len(equivalent_hashes(manifest.model_copy(update=held))) == 2
+    assert len(equivalent_hashes(manifest.model_copy(update=held))) == 3
     for new in (Corrections(guidance={"bow": 2.0}), Corrections(normal_guidance=1.0)):
-        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 1
+        assert len(equivalent_hashes(manifest.model_copy(update={"corrections": new}))) == 2
+    speeds = {"corrections": Corrections(manner_speeds={"old": {"walk": (0.8, 0.0, 0.0)}})}
+    assert len(equivalent_hashes(manifest.model_copy(update=speeds))) == 1
 
 
 def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
@@ -116,9 +120,9 @@ def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("schema", "message"),
     [
-        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 10: the file is too old: export the bundle"),
-        ("flexmotion.bundle/11", "bundle of version 11, this release reads 3 to 10: the file is too new: install"),
-        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/10'"),
+        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 11: the file is too old: export the bundle"),
+        ("flexmotion.bundle/12", "bundle of version 12, this release reads 3 to 11: the file is too new: install"),
+        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/11'"),
         (7, "no bundle: schema is 7"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     assert requests.guidance(Condition(text="bow", guidance=1.0, manner_guidance=2.0)) == (1.0, 2.0)
     assert requests.guidance(Condition(wordless=True)) == (1.5, 1.0)
     with pytest.raises(ConfigError, match=r"guidance\.bow: unknown kind"):
-        corrections.require_known({*corrections.speeds, "walk"}, "corrections.yaml")
+        corrections.require_known({*corrections.speeds, "walk"}, opened.manners.names, "corrections.yaml")
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.5])
