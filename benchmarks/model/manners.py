@@ -1,9 +1,10 @@
 """Are eight manners of walking told apart in what the model generates, as they are in real clips?
 
 A logistic regression is trained on real walking of a set (`gait_features`, stretches of 2 s, each clip votes once).
-Each manner's sentence is sampled from standing; its first seconds are left out. Prints how many clips, held-out and by
-five-fold validation over whole clips, and how many samples are classified as what they are, and the confusions. Fails
-where below `TOLD_APART` of the samples are. With `--write` the bundle's manifest gets the figure of each manner.
+Each manner's sentence is streamed from standing, as it is live; its first seconds are left out. Prints how many clips,
+held-out and by five-fold validation over whole clips, and how many samples are classified as what they are, and the
+confusions. Fails where below `TOLD_APART` of the samples are. With `--write` the bundle's manifest gets the figure of
+each manner.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.model.gait_features import gait_features, stretches
-from benchmarks.model.roll_out import always, roll_out
 from benchmarks.shared.cells import share
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption, WriteOption
@@ -32,6 +32,9 @@ from flexmotion.dataset.meaning import clip_kind, clip_manner
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import WALK
 
@@ -145,7 +148,8 @@ def sampled_walking(sampler: Sampler, samples: int, seconds: float) -> tuple[Str
     for manner, sentence in SENTENCES.items():
         for seed in range(samples):
             name = f"{manner} {seed}"
-            motion = roll_out(sampler, always(sentence), seconds, seed).motion[round(BEGIN_S * sampler.fps) :]
+            source = ModelSource(sampler, [Item(0.0, Text(sentence))], "manners", seed, seconds)
+            motion = source.human()[round(BEGIN_S * sampler.fps) :]
             before = len(walking.clip)
             walking.add(resample(motion, FPS), manner, name)
             if len(walking.clip) == before:

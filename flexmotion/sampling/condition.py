@@ -30,6 +30,7 @@ class Condition:
         noise: factor of the noise that the window is sampled from.
         constraints: places, angles, path and forces that are asked of single frames, means of the path; None for none.
         pose: in which the arms are kept; None: they move as sampled.
+        held: whether the pose that is asked for is reached, so that the window is quiet.
     """
 
     text: str | None = None
@@ -43,6 +44,7 @@ class Condition:
     noise: float = 1.0
     constraints: Constraints | None = None
     pose: KeptPose | None = None
+    held: bool = False
 
     @property
     def constrained(self) -> Constraints | None:

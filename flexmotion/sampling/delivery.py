@@ -3,7 +3,8 @@
 A model decodes motion, torques and forces together, but its feet are planted afterwards, and a body that is moved needs
 other forces. After planting, therefore:
 
-1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone;
+1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone, in
+   poses that are held at a lower one;
 2. the root's path is shifted until the ground can give what the motion needs (`balance`);
 3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
 4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
@@ -75,6 +76,7 @@ def delivered(
     finish: Callable[[Motion, SegmentMotion], Motion] = lambda window, _: window,
     stays: Flags | None = None,
     resting: RestingFeet | None = None,
+    cutoff: float = CUTOFF,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -89,13 +91,14 @@ def delivered(
             root must stay, on which the segments that it does not carry are kept.
         stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
         resting: feet of a body that stands, which `finish` keeps in place.
+        cutoff: at which root and legs are low-passed [Hz].
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
     if window.wrenches is None or window.pressure_centres is None or window.contacts is None or not len(window):
         return Delivered(before, window)
     centres = window.pressure_centres
-    window = _low_passed(window, last)
+    window = _low_passed(window, last, cutoff)
     known = _lengthened(last, KNOWN)
     whole = concatenate([known.kinematics, window.kinematics])
     contacts = np.concatenate([_contacts(known), window.contacts])
@@ -134,10 +137,10 @@ def delivered(
     return Delivered(found[:again] if again else before, found[again:])
 
 
-def _low_passed(window: Motion, past: Motion) -> Motion:
+def _low_passed(window: Motion, past: Motion, cutoff: float) -> Motion:
     joints = window.joints.copy()
-    joints[:, _LEGS] = continued(joints[:, _LEGS], past.joints[:, _LEGS], window.fps, CUTOFF)
-    position = continued(window.root_position, past.root_position, window.fps, CUTOFF)
+    joints[:, _LEGS] = continued(joints[:, _LEGS], past.joints[:, _LEGS], window.fps, cutoff)
+    position = continued(window.root_position, past.root_position, window.fps, cutoff)
     return replace(window, joints=joints, root_position=position)
 
 

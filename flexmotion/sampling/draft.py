@@ -61,6 +61,7 @@ class Draft:
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
         pose: in which the arms are kept; None: they move as decoded.
+        cutoff: at which balanced windows are low-passed [Hz].
         source: of the motion.
     """
 
@@ -73,6 +74,7 @@ class Draft:
     on_the_spot: bool
     asked: Constraints | None
     pose: KeptPose | None
+    cutoff: float
     source: str
 
     @cached_property
@@ -89,7 +91,7 @@ class Draft:
         features = inertialised(found, self.remembered, self.layout)
         if not self.balanced:
             return features
-        features = steadied(features, self.remembered, self.layout)
+        features = steadied(features, self.remembered, self.layout, self.cutoff)
         free = self.asked is None or not self.asked.of_frames
         return placed(features, self.layout, self.body) if free and not self.on_the_spot else features
 
@@ -167,7 +169,7 @@ class Draft:
         def finish(window: Motion, segments: SegmentMotion) -> Motion:
             return window if kept is None else closed(window, self.anchor, kept, segments=segments)
 
-        return delivered(motion, self.history, accelerations, finish, stays, resting)
+        return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff)
 
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""

@@ -23,6 +23,10 @@ Float = NDArray[np.float64]
 
 ORDER = len(DIFFERENCES) - 1
 
+HELD_CUTOFF = 2.0
+"""Cut-off of windows in which a pose is held [Hz]. A sampled one trembles: hands jerk by 15 m/s³ where those of people
+jerk by .5; with 2 Hz 6, with 1 Hz no less, and with .5 Hz windows do not follow each other smoothly."""
+
 
 def continued(window: NDArray, before: NDArray, fps: float, cutoff: float) -> Float:
     """The window, low-passed.
@@ -41,22 +45,25 @@ def continued(window: NDArray, before: NDArray, fps: float, cutoff: float) -> Fl
     return found.reshape(window.shape)
 
 
-def steadied(frames: NDArray[np.float32], history: NDArray[np.float32], layout: Layout) -> NDArray[np.float32]:
-    """Features of a window with rotations and turning low-passed at the cut-off of the data, (W, layout.size).
+def steadied(
+    frames: NDArray[np.float32], history: NDArray[np.float32], layout: Layout, cutoff: float = CUTOFF
+) -> NDArray[np.float32]:
+    """Features of a window with rotations and turning low-passed, (W, layout.size).
 
-    The data contain nothing above it; a decoder's noise there is an acceleration of several m/s².
+    The data contain nothing above their cut-off; a decoder's noise there is an acceleration of several m/s².
 
     Args:
         frames: features of the window, not normalised, (W, layout.size).
         history: features of the frames before, likewise, (H, layout.size); without any the window is unchanged.
         layout: of both.
+        cutoff: that of the data, or a lower one [Hz].
     """
     if not len(history):
         return frames
     moved = frames.copy()
     turning = layout.blocks["root"].start + 2
     for columns in (layout.blocks["rotations"], slice(turning, turning + 1)):
-        moved[:, columns] = continued(frames[:, columns], history[:, columns], layout.fps, CUTOFF)
+        moved[:, columns] = continued(frames[:, columns], history[:, columns], layout.fps, cutoff)
     return moved
 
 

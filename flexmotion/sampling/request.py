@@ -112,7 +112,7 @@ class Requests:
             or not phrases.is_pose(self.prompt(condition.text).kind)
         ):
             return condition
-        return replace(condition, noise=min(condition.noise, self._corrections.pose_noise))
+        return replace(condition, noise=min(condition.noise, self._corrections.pose_noise), held=True)
 
     def is_brief(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is a pose that people leave as soon as it is reached."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from onnxruntime import InferenceSession
 
 from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.constraints import Constraints
@@ -24,6 +25,7 @@ from flexmotion.sampling.ddim import denoised
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
+from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text.prompt_reader import Prompt
@@ -190,6 +192,7 @@ class Sampler:
             on_the_spot=not self.requests.travels(meant),
             asked=asked,
             pose=condition.pose,
+            cutoff=HELD_CUTOFF if condition.held and free else CUTOFF,
             source=self._source,
         )
 

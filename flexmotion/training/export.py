@@ -101,6 +101,8 @@ def export(
     require_bundle_folder(folder)
     corrections = run.config.corrections if corrections is None else corrections
     corrections.require_known(kinds(), manners(), "corrections")
+    known = {manner: own for manner, own in corrections.manner_speeds.items() if manner in run.summary().manners}
+    corrections = corrections.model_copy(update={"manner_speeds": known})
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     remove_networks(folder)

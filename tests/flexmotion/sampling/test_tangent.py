@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraint_layout import PATH, PLACES, ROTATIONS, ConstraintLayout
 from flexmotion.features.encode import encode
@@ -36,6 +37,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         on_the_spot=False,
         asked=None,
         pose=None,
+        cutoff=CUTOFF,
         source="",
     ), features[12:]
 
