@@ -95,7 +95,7 @@ class Corrections(Strict):
             origin: file of the corrections, for messages.
         """
         known, ways = sorted(set(kinds)), sorted(set(manners))
-        named = {"speeds": self.speeds, "guidance": self.guidance}
+        named: dict[str, Iterable[str]] = {"speeds": self.speeds, "guidance": self.guidance}
         for manner, speeds in self.manner_speeds.items():
             if manner not in ways:
                 expected = f"expected one of: {', '.join(ways)}" if ways else "this model knows none"

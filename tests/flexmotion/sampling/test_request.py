@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.intents import Velocity
@@ -62,6 +64,30 @@ def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:
     assert requests.guidance(Condition(wordless=True)) == (1.5, 1.0)
     with pytest.raises(ConfigError, match=r"guidance\.bow: unknown kind"):
         corrections.require_known({*corrections.speeds, "walk"}, opened.manners.names, "corrections.yaml")
+
+
+def test_words_are_done_as_fast_as_people_do_them_in_their_manner(bundle: Path) -> None:
+    """Regression: all walks were kept at 1.1 m/s: an old man hurried, and who was full of energy dawdled."""
+    opened = Bundle(bundle)
+    ways = {"old": {"walk": (0.8, 0.0, 0.0)}}
+    speeds = {"speeds": {"walk": (1.2, 0.0, 0.0), "run": (3.0, 0.0, 0.0)}, "manner_speeds": ways}
+    corrections = opened.manifest.corrections.model_copy(update=speeds)
+    opened.manifest = opened.manifest.model_copy(update={"corrections": corrections})
+    requests = Requests(opened, unjudged=True)
+
+    def speed(**asked: Any) -> tuple[float, float, float] | None:
+        return requests.own_velocity(requests.meant(Condition(**asked)))
+
+    assert speed(text="walk forward") == (1.2, 0.0, 0.0) == speed(text="walk forward", manner="proud")
+    assert speed(text="walk forward like an old man") == (0.8, 0.0, 0.0) == speed(text="walk forward", manner="old")
+    assert speed(text="run like an old man") == (3.0, 0.0, 0.0)
+    # Only what is faster than the robot keeps up with is slowed to it.
+    pace = Pace(1.0, 0.5, 0.3, 1.0)
+    assert speed(text="walk forward", pace=pace) == (1.0, 0.0, 0.0)
+    assert speed(text="walk forward like an old man", pace=pace) == (0.8, 0.0, 0.0)
+    corrections.require_known(["run", "walk", *corrections.guidance], ["old"], "corrections.yaml")
+    with pytest.raises(ConfigError, match=r"manner_speeds\.old: unknown manner, expected one of: proud"):
+        corrections.require_known(["run", "walk", *corrections.guidance], ["proud"], "corrections.yaml")
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.5])
