@@ -60,7 +60,7 @@ class Balance:
     ease: float = 3.0
     rounds: int = 10
     margin: float = 0.025
-    standing_margin: float = 0.03
+    standing_margin: float = 0.05
     least: float = 0.15
     capture: float = 200.0
 
