@@ -25,6 +25,7 @@ from benchmarks.shared.cells import share
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption, WriteOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.streamed import streamed
 from flexmotion.bundles.manifest import Judged
 from flexmotion.bundles.repertoire import write_judged
 from flexmotion.dataset.compact_set import MotionSet, open_set
@@ -32,9 +33,6 @@ from flexmotion.dataset.meaning import clip_kind, clip_manner
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.sampling.sampler import Sampler
-from flexmotion.streamer.motion.intents import Text
-from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.script import Item
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import WALK
 
@@ -148,8 +146,7 @@ def sampled_walking(sampler: Sampler, samples: int, seconds: float) -> tuple[Str
     for manner, sentence in SENTENCES.items():
         for seed in range(samples):
             name = f"{manner} {seed}"
-            source = ModelSource(sampler, [Item(0.0, Text(sentence))], "manners", seed, seconds)
-            motion = source.human()[round(BEGIN_S * sampler.fps) :]
+            motion = streamed(sampler, sentence, seconds, seed)[round(BEGIN_S * sampler.fps) :]
             before = len(walking.clip)
             walking.add(resample(motion, FPS), manner, name)
             if len(walking.clip) == before:

@@ -1,9 +1,10 @@
 """Does the model do what a prompt asks, in wordings that it was not trained on?
 
-Samples every wording of `prompts.yaml` and `gesture_prompts.yaml` whose kind the bundle knows, from standing; geometric
-checks judge the motion, kind by kind. Fails below 95 % of the kinds that the bundle offers, or 85 % of one of
-them; the others are told, for a run refuses them by name. With `--write` the bundle's manifest gets the figure of each
-kind; one below `OFFERED` is not offered from then on. What was chosen by one seed is to be reported by another.
+Every wording of `prompts.yaml` and `gesture_prompts.yaml` whose kind the bundle knows is streamed from standing, as it
+is live; geometric checks judge the motion, kind by kind. Fails below 95 % of the kinds that the bundle offers, or 85 %
+of one of them; the others are told, for a run refuses them by name. With `--write` the bundle's manifest gets the
+figure of each kind; one below `OFFERED` is not offered from then on. What was chosen by one seed is to be reported by
+another.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.model.roll_out import always, roll_out
 from benchmarks.shared.cells import share
 from benchmarks.shared.gesture_judges import GESTURE_CHECKS
 from benchmarks.shared.judges import SIDES, at_least, frame_velocities, waves
@@ -26,6 +26,7 @@ from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption, Wr
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.poses import leaning, raising
 from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
+from benchmarks.shared.streamed import streamed
 from flexmotion.bundles.manifest import Judged
 from flexmotion.bundles.repertoire import offered_kinds, write_judged
 from flexmotion.human.kinematics import HumanKinematics, forward
@@ -105,8 +106,7 @@ def passed(sampler: Sampler, entry: PromptKind, wording: str, seeds: range, seco
     """Whether the sample of each seed of a wording does what its kind asks."""
     found = []
     for seed in seeds:
-        motion = roll_out(sampler, always(wording), entry.seconds or seconds, seed).motion
-        found.append(judged(entry, motion))
+        found.append(judged(entry, streamed(sampler, wording, entry.seconds or seconds, seed)))
     return found
 
 

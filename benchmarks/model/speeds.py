@@ -26,6 +26,7 @@ from benchmarks.shared.judges import frame_velocities
 from benchmarks.shared.model import open_bundle
 from benchmarks.shared.options import BundleArgument, SetOption, WriteOption
 from benchmarks.shared.outcome import Outcome, Verdict
+from benchmarks.shared.streamed import streamed
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.configs.corrections import Corrections, Velocity
@@ -36,9 +37,6 @@ from flexmotion.human.body import Body
 from flexmotion.human.resample import resample
 from flexmotion.sampling.course import MEASURED_S
 from flexmotion.sampling.sampler import Sampler
-from flexmotion.streamer.motion.intents import Text
-from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.script import Item
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL, styled
 from flexmotion.text.sides import mirrored, sides
@@ -127,11 +125,9 @@ def _rounded(value: float) -> float:
 
 def made(sampler: Sampler, text: str, samples: int) -> Float:
     """Mean velocities of samples by a text, as they are streamed, (samples, 3)."""
-    found = []
-    for seed in range(samples):
-        source = ModelSource(sampler, [Item(0.0, Text(text))], "speeds", seed, BEGIN_S + JUDGED_S)
-        found.append(frame_velocities(source.human())[round(BEGIN_S * sampler.fps) :].mean(axis=0))
-    return np.array(found)
+    motions = [streamed(sampler, text, BEGIN_S + JUDGED_S, seed) for seed in range(samples)]
+    begun = round(BEGIN_S * sampler.fps)
+    return np.array([frame_velocities(motion)[begun:].mean(axis=0) for motion in motions])
 
 
 def main(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from math import pi
 
 from flexmotion.text.amounts import Amount
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import stem
+from flexmotion.text.wording import stem, taught
 
 TO_WHICH_SIDE = "turning: to the left or to the right?"
 """Refusal of a turn without a side."""
@@ -84,6 +85,16 @@ def destinations(words: list[str]) -> list[str]:
                 w for w in words[place + length :] if w not in ("the", "a", "an", "my", "your", "that", "this", "of")
             ]
             own = known.words("undestined") | known.words("directions") | known.words("look")
+            if phrase == "into" and _names_motion(rest):
+                continue
             if rest and not any(word in own for word in rest):
                 return [" ".join(words[place:])]
     return []
+
+
+def _names_motion(words: list[str]) -> bool:
+    """Whether words name a kind of motion: "a squat", "deep bow for me", "squatting position"."""
+    name = list(takewhile(lambda word: word not in ("for", "to"), words))
+    if name[-1:] and name[-1] in ("position", "posture", "pose"):
+        name = name[:-1]
+    return bool(name) and (name[-1] in taught() or stem(name[-1]) in taught())

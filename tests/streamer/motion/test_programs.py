@@ -278,6 +278,25 @@ def test_a_refused_speed_is_quoted_as_it_was_said(hearing: Hearing) -> None:
         assert "'0.01 m/s'" in str(hearing(Text(words)).heard.reason)
 
 
+@pytest.mark.parametrize(
+    ("say", "kind"),
+    [
+        ("go into a squat for me", "squat"),
+        ("drop into a squatting position", "squat"),
+        ("let both arms go straight out before you", "arms-forward"),
+    ],
+)
+def test_a_motion_is_no_place_and_no_tension(hearing: Hearing, say: str, kind: str) -> None:
+    """Regression: "into a squat" was a place that no robot knows, and arms that go straight out were let go.
+
+    The judge of prompts had sampled the words without hearing them as the live source does.
+    """
+    heard = hearing(Text(say)).heard
+    assert (heard.state, heard.heard_as) == ("accepted", kind)
+    for refused in ("go into the kitchen", "run into a wall", "let your arms go"):
+        assert hearing(Text(refused)).heard.state == "refused"
+
+
 def test_a_stop_with_a_range_of_speeds_stops_and_says_what_it_dropped(hearing: Hearing) -> None:
     """What was dropped of "stop at 2 to 3 m/s" would have been empty words."""
     heard = hearing(Text("stop at 2 to 3 m/s")).heard
