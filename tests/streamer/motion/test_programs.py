@@ -213,7 +213,8 @@ def test_a_walk_back_has_the_speed_that_is_asked_for(hearing: Hearing) -> None:
     most = f"{hearing.pace.back:.2g} m/s back"
     assert most in str(hearing(Velocity(-1.1, 0.0, 0.0)).heard.slowed)
     fast, slow = hearing(Text("walk backward")), hearing(Text("walk backward slowly"))
-    assert most in str(fast.heard.slowed) and slow.heard.state == "accepted"
+    # People walk back at .75 m/s, which OP3 keeps up with.
+    assert fast.heard.state == slow.heard.state == "accepted"
     assert isinstance(slow.steps[0].intent, Velocity) and -hearing.pace.back < slow.steps[0].intent.forward < 0.0
 
 
