@@ -46,7 +46,9 @@ _TENSE = re.compile(
     rf"(?:soften|loosen|slacken|stiffen|tens(?:e(?!d))?)(?:ing)?\s(?:up\s)?{_LIMB}"
     rf"|(?:make|let|keep|hold|leav|have)(?:e|ing)?\s{_LIMB}\s(?:(?:be|go|get|become|more|very|a\sbit|as|too)\s)*(?:{_SOFT}))\b"
 )
-_ONWARD = r"(?!\s(?:up|down|out|over|to|back|left|right|around|round|forwards?|ahead|above|in|behind|by|straight|high)\b)"
+_ONWARD = (
+    r"(?!\s(?:up|down|out|over|to|back|left|right|around|round|forwards?|ahead|above|in|behind|by|straight|high)\b)"
+)
 _UNTENSE = re.compile(
     rf"\b(?:let|leave)\s{_LIMB}\sgo\b{_ONWARD}|(?<!to\s)\b(?:relax(?:ing)?|release|free|untense|let\sgo(?:\sof)?)\s{_LIMB}\b"
 )
