@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexmotion.features.constraints import END, Constraints, end_mean
 from flexmotion.features.decode import Anchor
+from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
 from flexmotion.spatial.heading import continuous_heading, wrapped
@@ -113,6 +114,8 @@ class Course:
         going = own[:2] if own is not None else measured.velocity if measured.speed > TRAVELLING else (0.0, 0.0)
         rate = 0.0 if own is None else own[2]
         direction = atan2(going[1], going[0]) if hypot(*going) > 0 else None
+        if direction is None:
+            measured = replace(measured, place=_between_feet(past))
         course, led = self._led_to(measured, past.fps, played)
         way = self._way_to(past, played) if direction is not None and request.velocity is not None else None
         course = replace(course._on(request, direction, measured, played), led=led, rate=rate, way=way, going=going)
@@ -245,6 +248,13 @@ def _turned(going: tuple[float, float], headings: Float) -> Float:
     """A velocity in the own heading, at each heading (N,), in the world, (N, 2) [m/s]."""
     c, s = np.cos(headings), np.sin(headings)
     return np.stack([c * going[0] - s * going[1], s * going[0] + c * going[1]], axis=1)
+
+
+def _between_feet(past: Motion) -> tuple[float, float]:
+    """Where a body stands, in the mean of the last `MEASURED_S` [m]: in a bow or a squat its pelvis is elsewhere."""
+    last = past[max(0, len(past) - round(MEASURED_S * past.fps)) :]
+    x, y = foot_points(last)[..., :2].mean(axis=(0, 1, 2)).tolist()
+    return x, y
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ from flexmotion.features.constraints import END, Constraints, end_mean
 from flexmotion.features.decode import Anchor
 from flexmotion.features.layout import Layout
 from flexmotion.human.body import Body
+from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.sampling.course import (
     FASTEST_RETURN,
     LOST,
@@ -355,6 +357,22 @@ def test_a_gesture_is_asked_for_its_heading_alone_until_it_is_off(second: Motion
         assert heading_of(asked, past) == pytest.approx(0.0, abs=1e-9)
     _, asked = course.followed(wave, None, moved(second, 0.0, (0.1, 0.0)), FREE, noise=0.7)
     assert asked.asked is not None and asked.asked[0] < 0.0 and asked.noise == 0.7
+
+
+def test_a_pelvis_that_goes_back_over_feet_that_stay_is_asked_for_no_velocity(second: Motion) -> None:
+    """Regression: a squat takes the pelvis back by a decimetre, and was asked to walk ahead: it ended half way down."""
+    bent = second.joints.copy()
+    for side in SIDES:
+        bent[:, JOINTS.index(f"hip_flexion_{side}")] = 0.11
+    back = moved(replace(second, joints=bent), 0.0, (-0.1, 0.0))
+    squat = Condition("squat")
+    course, _ = Course().followed(squat, None, second, FREE)
+    feet = foot_points(second)[..., 0].mean() - foot_points(back)[..., 0].mean()
+    assert abs(feet) < 0.02
+    course, asked = course.followed(squat, None, back, FREE)
+    assert asked.asked is None
+    _, asked = course.followed(squat, None, moved(second, 0.0, (-0.1, 0.0)), FREE)
+    assert asked.asked is not None and asked.asked[0] > 0.0
 
 
 def test_words_of_an_unknown_speed_travel_at_the_one_that_is_measured(second: Motion) -> None:
