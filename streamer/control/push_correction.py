@@ -1,0 +1,112 @@
+"""`PushCorrection`: moves joints of a robot that is pushed, by gains that were learned for it.
+
+Balance feedback is weak, as walks need it (`stabiliser.py`). A robot whose divergent component is further from its plan
+than walks take it uses all of its sole, its hips and the leg in the air: each joint leaves its plan in proportion to
+what the error is beyond a dead band, outward, inward, ahead or back of the foot that the robot stands on. The gains
+are data of the robot (`configs/push_correction.py`); without them nothing is moved. The clamp of goals comes after it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.reference import Reference
+
+Float = NDArray[np.float64]
+
+_SPEED = 3.0
+"""Speed at which a joint leaves the plan at most [rad/s]."""
+_FADE_S = 0.1
+"""Time constant with which a joint comes back to its plan [s]."""
+_NOTHING = 1e-6
+
+
+class PushCorrection:
+    """Offsets for joints of a robot that is pushed; allocates nothing that grows.
+
+    Args:
+        enabled: whether it acts, as balance feedback does.
+
+    Attributes:
+        offset: to add to the reference of the joints, (n,) [rad]; speed: its rate, (n,) [rad/s].
+    """
+
+    def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
+        self.correction = robot.push_correction if enabled else None
+        self.offset, self.speed = np.zeros(robot.n), np.zeros(robot.n)
+        self._rate = float(robot.rate_hz)
+        self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
+        self._acts = False
+        self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
+        self._errors = np.zeros(4)
+
+    def reset(self) -> None:
+        """Let the joints follow their plan at once."""
+        if self._acts:
+            self.offset[:] = self.speed[:] = 0.0
+            self._acts = False
+
+    def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
+        """Fill `offset` and `speed` for the newest estimate.
+
+        Args:
+            reference: of this tick.
+            hung: the feet are in the air: there is no balance to speak of.
+
+        Returns:
+            Whether any joint has an offset.
+        """
+        correction = self.correction
+        if correction is None:
+            return False
+        known = reference.balanced and estimator.has_imu and not hung
+        side = self._fill_errors(estimator, reference) if known else None
+        if side is None and not self._acts:
+            return False
+        goal, offset = self._goal, self.offset
+        np.copyto(self._before, offset)
+        # A joint goes out as fast as it may and comes back slowly: the error of a robot that sways back crosses zero.
+        np.multiply(offset, self._keep, out=goal)
+        if side is not None:
+            wanted = np.clip(correction.gains[side] @ self._errors, -correction.most, correction.most)
+            further = (np.abs(wanted) >= np.abs(goal)) | (wanted * offset < 0.0)
+            np.copyto(goal, wanted, where=further)
+        goal -= offset
+        offset += np.minimum(np.maximum(goal, -self._step, out=goal), self._step, out=goal)
+        np.subtract(offset, self._before, out=self.speed)
+        self.speed *= self._rate
+        self._acts = True
+        if side is None and np.abs(offset).max() <= _NOTHING:
+            self.reset()
+        return self._acts
+
+    def _fill_errors(self, estimator: Estimator, reference: Reference) -> int | None:
+        """Fill the errors beyond the dead band, in the order of `DIRECTIONS`.
+
+        Returns:
+            The foot that the robot stands on; None: no error is beyond the dead band.
+        """
+        assert self.correction is not None
+        dead, reach, feet = self.correction.dead, self.correction.reach, reference.feet
+        yaw = 0.5 * float(feet[0, 3] + feet[1, 3])
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        x, y = (estimator.dcm - reference.dcm).tolist()
+        ahead, left = cos * x + sin * y, cos * y - sin * x
+        if not math.isfinite(ahead + left) or (abs(ahead) <= dead[0] and abs(left) <= dead[1]):
+            return None
+        on_left, on_right = reference.contacts.tolist()
+        if on_left and on_right:  # on both feet the one to which it sways carries more
+            side = (0 if left > 0.0 else 1) if abs(left) > dead[1] else int(reference.share > 0.5)
+        else:
+            side = 0 if on_left else 1
+        outward = left if side == 0 else -left
+        errors = self._errors
+        errors[0], errors[1] = outward - dead[1], -outward - dead[1]
+        errors[2], errors[3] = ahead - dead[0], -ahead - dead[0]
+        np.minimum(np.maximum(errors, 0.0, out=errors), reach, out=errors)
+        return side
