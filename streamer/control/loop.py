@@ -413,6 +413,7 @@ class ControlLoop:
             stiffness=self.ahead.stiffness,
             struck=self.strikes.change,
             slow=plan is None and playback is not Playback.GET_UP,
+            pushed=self.correction.acts,
             impacts=playback is Playback.GET_UP or (self.unseen.sways and not self.estimator.has_imu),
         )
         self.command.position[:] = goals

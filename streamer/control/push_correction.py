@@ -34,6 +34,7 @@ class PushCorrection:
 
     Attributes:
         offset: to add to the reference of the joints, (n,) [rad]; speed: its rate, (n,) [rad/s].
+        acts: whether any joint has an offset.
     """
 
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
@@ -41,15 +42,15 @@ class PushCorrection:
         self.offset, self.speed = np.zeros(robot.n), np.zeros(robot.n)
         self._rate = float(robot.rate_hz)
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
-        self._acts = False
+        self.acts = False
         self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
         self._errors = np.zeros(4)
 
     def reset(self) -> None:
         """Let the joints follow their plan at once."""
-        if self._acts:
+        if self.acts:
             self.offset[:] = self.speed[:] = 0.0
-            self._acts = False
+            self.acts = False
 
     def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
         """Fill `offset` and `speed` for the newest estimate.
@@ -66,7 +67,7 @@ class PushCorrection:
             return False
         known = reference.balanced and estimator.has_imu and not hung
         side = self._fill_errors(estimator, reference) if known else None
-        if side is None and not self._acts:
+        if side is None and not self.acts:
             return False
         goal, offset = self._goal, self.offset
         np.copyto(self._before, offset)
@@ -80,10 +81,10 @@ class PushCorrection:
         offset += np.minimum(np.maximum(goal, -self._step, out=goal), self._step, out=goal)
         np.subtract(offset, self._before, out=self.speed)
         self.speed *= self._rate
-        self._acts = True
+        self.acts = True
         if side is None and np.abs(offset).max() <= _NOTHING:
             self.reset()
-        return self._acts
+        return self.acts
 
     def _fill_errors(self, estimator: Estimator, reference: Reference) -> int | None:
         """Fill the errors beyond the dead band, in the order of `DIRECTIONS`.
