@@ -1,9 +1,9 @@
 """`PushCorrection`: moves joints of a robot that is pushed, by gains that were learned for it.
 
 Balance feedback is weak, as walks need it (`stabiliser.py`). A robot whose divergent component is further from its plan
-than walks take it uses all of its sole, its hips and the leg in the air: each joint leaves its plan in proportion to
-what the error is beyond a dead band, outward, inward, ahead or back of the foot that the robot stands on. The gains
-are data of the robot (`configs/push_correction.py`); without them nothing is moved. The clamp of goals comes after it.
+than walks take it uses all of its sole, its hips and the leg in the air: while it stands on one foot, each joint leaves
+its plan in proportion to what the error is beyond a dead band, outward of that foot, inward or ahead. The gains are
+data of the robot (`configs/push_correction.py`); without them nothing is moved. The clamp of goals comes after it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.push_correction import DIRECTIONS
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.reference import Reference
@@ -44,7 +45,7 @@ class PushCorrection:
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
         self.acts = False
         self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
-        self._errors = np.zeros(4)
+        self._errors = np.zeros(len(DIRECTIONS))
 
     def reset(self) -> None:
         """Let the joints follow their plan at once."""
@@ -90,24 +91,21 @@ class PushCorrection:
         """Fill the errors beyond the dead band, in the order of `DIRECTIONS`.
 
         Returns:
-            The foot that the robot stands on; None: no error is beyond the dead band.
+            The foot that the robot stands on; None: it stands on both, or no error is beyond the dead band.
         """
         assert self.correction is not None
         dead, reach, feet = self.correction.dead, self.correction.reach, reference.feet
+        on_left, on_right = reference.contacts.tolist()
+        if on_left == on_right:
+            return None
         yaw = 0.5 * float(feet[0, 3] + feet[1, 3])
         cos, sin = math.cos(yaw), math.sin(yaw)
         x, y = (estimator.dcm - reference.dcm).tolist()
         ahead, left = cos * x + sin * y, cos * y - sin * x
-        if not math.isfinite(ahead + left) or (abs(ahead) <= dead[0] and abs(left) <= dead[1]):
+        if not math.isfinite(ahead + left) or (ahead <= dead[0] and abs(left) <= dead[1]):
             return None
-        on_left, on_right = reference.contacts.tolist()
-        if on_left and on_right:  # on both feet the one to which it sways carries more
-            side = (0 if left > 0.0 else 1) if abs(left) > dead[1] else int(reference.share > 0.5)
-        else:
-            side = 0 if on_left else 1
-        outward = left if side == 0 else -left
-        errors = self._errors
-        errors[0], errors[1] = outward - dead[1], -outward - dead[1]
-        errors[2], errors[3] = ahead - dead[0], -ahead - dead[0]
+        side = 0 if on_left else 1
+        outward, errors = left if on_left else -left, self._errors
+        errors[0], errors[1], errors[2] = outward - dead[1], -outward - dead[1], ahead - dead[0]
         np.minimum(np.maximum(errors, 0.0, out=errors), reach, out=errors)
         return side

@@ -44,7 +44,7 @@ def test_gains_of_the_right_foot_are_those_of_the_left_in_a_mirror(op3: Robot) -
     ("edit", "says"),
     [
         (lambda c: c["outward"].update(l_ank_rol=1.0), "field outward: unknown joint 'l_ank_rol', did you mean: l_ank"),
-        (lambda c: c["back"].update(head_pan=1.0), "field back.head_pan: the joint has no mirror image, expected one"),
+        (lambda c: c["ahead"].update(head_pan=1.0), "field ahead.head_pan: the joint has no mirror image, expected"),
         (lambda c: c["ahead"].update(l_knee=float("inf")), "field ahead.l_knee"),
         (lambda c: c.update(dead=[0.0, 0.02]), "field dead.0"),
         (lambda c: c.update(most=2.0), "field most"),

@@ -39,7 +39,6 @@ PARTS = {
     "outward": ("hip_roll", "ankle_roll"),
     "inward": ("hip_roll", "ankle_roll"),
     "ahead": ("hip_pitch", "ankle_pitch"),
-    "back": ("hip_pitch", "ankle_pitch"),
 }
 """Parts of both legs that answer an error in each direction."""
 
