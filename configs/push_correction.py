@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot_file import Name
@@ -44,7 +44,9 @@ class PushCorrectionFile(Strict):
     Attributes:
         version: of the file format.
         dead: errors of the divergent component that move no joint, ahead and aside [m].
-        reach: beyond these, errors greater than this move joints no further [m].
+        begins: errors with which a correction begins, ahead and aside: no walk that nobody pushes has them [m]. It is
+            over once the joints are back.
+        reach: beyond `dead`, errors greater than this move joints no further [m].
         most: greatest offset of a joint [rad].
         outward, inward, ahead: offset of joints, by name, per error beyond `dead` in this direction, of a robot
             that stands on its left foot [rad/m]; outward is to its left.
@@ -52,11 +54,18 @@ class PushCorrectionFile(Strict):
 
     version: int = 1
     dead: tuple[Annotated[float, Field(gt=0, le=0.1)], Annotated[float, Field(gt=0, le=0.1)]]
+    begins: tuple[Annotated[float, Field(gt=0, le=0.1)], Annotated[float, Field(gt=0, le=0.1)]]
     reach: float = Field(gt=0, le=0.2)
     most: float = Field(gt=0, le=0.5)
     outward: Gains = Field(default_factory=dict)
     inward: Gains = Field(default_factory=dict)
     ahead: Gains = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> PushCorrectionFile:
+        if any(begins < dead for begins, dead in zip(self.begins, self.dead, strict=True)):
+            raise ValueError(f"begins {list(self.begins)} is below dead {list(self.dead)}, expected at least as much")
+        return self
 
 
 @dataclass(frozen=True)
@@ -65,11 +74,12 @@ class Correction:
 
     Attributes:
         gains: by the foot that it stands on, (2, n, 3): of each joint, for each of `DIRECTIONS` [rad/m], read-only.
-        dead, reach, most: see `PushCorrectionFile`.
+        dead, begins, reach, most: see `PushCorrectionFile`.
     """
 
     gains: Float
     dead: tuple[float, float]
+    begins: tuple[float, float]
     reach: float
     most: float
 
@@ -105,7 +115,7 @@ def correction_of(robot: Robot, content: PushCorrectionFile, origin: str) -> Cor
             gains[0, index, column] = gain
             gains[1, partner, column] = sign * gain
     gains.setflags(write=False)
-    return Correction(gains, content.dead, content.reach, content.most)
+    return Correction(gains, content.dead, content.begins, content.reach, content.most)
 
 
 def _partners(robot: Robot) -> dict[int, tuple[int, float]]:

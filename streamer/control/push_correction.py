@@ -24,7 +24,8 @@ _SPEED = 3.0
 """Speed at which a joint leaves the plan at most [rad/s]."""
 _FADE_S = 0.1
 """Time constant with which a joint comes back to its plan [s]."""
-_NOTHING = 1e-6
+_NOTHING = 1e-3
+"""A smaller offset of all joints is none, and the next push has to begin anew [rad]."""
 
 
 class PushCorrection:
@@ -91,10 +92,11 @@ class PushCorrection:
         """Fill the errors beyond the dead band, in the order of `DIRECTIONS`.
 
         Returns:
-            The foot that the robot stands on; None: it stands on both, or no error is beyond the dead band.
+            The foot that the robot stands on; None: it stands on both, or no error is to be answered.
         """
         assert self.correction is not None
-        dead, reach, feet = self.correction.dead, self.correction.reach, reference.feet
+        correction, feet = self.correction, reference.feet
+        dead, least = correction.dead, correction.dead if self.acts else correction.begins
         on_left, on_right = reference.contacts.tolist()
         if on_left == on_right:
             return None
@@ -102,10 +104,10 @@ class PushCorrection:
         cos, sin = math.cos(yaw), math.sin(yaw)
         x, y = (estimator.dcm - reference.dcm).tolist()
         ahead, left = cos * x + sin * y, cos * y - sin * x
-        if not math.isfinite(ahead + left) or (ahead <= dead[0] and abs(left) <= dead[1]):
+        if not math.isfinite(ahead + left) or (ahead <= least[0] and abs(left) <= least[1]):
             return None
         side = 0 if on_left else 1
         outward, errors = left if on_left else -left, self._errors
         errors[0], errors[1], errors[2] = outward - dead[1], -outward - dead[1], ahead - dead[0]
-        np.minimum(np.maximum(errors, 0.0, out=errors), reach, out=errors)
+        np.minimum(np.maximum(errors, 0.0, out=errors), correction.reach, out=errors)
         return side

@@ -47,6 +47,7 @@ def test_gains_of_the_right_foot_are_those_of_the_left_in_a_mirror(op3: Robot) -
         (lambda c: c["ahead"].update(head_pan=1.0), "field ahead.head_pan: the joint has no mirror image, expected"),
         (lambda c: c["ahead"].update(l_knee=float("inf")), "field ahead.l_knee"),
         (lambda c: c.update(dead=[0.0, 0.02]), "field dead.0"),
+        (lambda c: c.update(begins=[0.01, 0.05]), "is below dead"),
         (lambda c: c.update(most=2.0), "field most"),
         (lambda c: c.update(forward={}), "field forward"),
         (lambda c: c.update(version=2), "push correction of version 2, this release reads 1"),

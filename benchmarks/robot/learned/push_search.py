@@ -31,7 +31,7 @@ POPULATION, WALKS, PHASES, PUSHES = 10, 2, 5, 5
 """Candidates of a generation, walks that it pushes, moments of each, and pushes at each moment."""
 SIGMA, GAIN, DEAD_M = 0.6, 2.0, 0.003
 """First step of the search, in units of a gain [rad/m] and of a dead band [m]."""
-STILL = PushCorrectionFile(dead=(0.02, 0.02), reach=0.06, most=0.3)
+STILL = PushCorrectionFile(dead=(0.02, 0.02), begins=(0.02, 0.03), reach=0.06, most=0.3)
 """From which the search begins for a robot that has no file."""
 LANDED = 0.05
 """What a fallen robot is better for each foot that landed before."""
@@ -46,7 +46,7 @@ PARTS = {
 def candidate(robot: Robot, begin: PushCorrectionFile, numbers: Float) -> PushCorrectionFile:
     """The correction of a point of the search: two dead bands, then gains in the order of `PARTS`, left leg first."""
     legs = [robot.chain(f"{side}_leg") for side in ("left", "right")]
-    dead = np.clip(np.add(begin.dead, DEAD_M * numbers[:2]), 0.01, 0.05).tolist()
+    dead = np.clip(np.add(begin.dead, DEAD_M * numbers[:2]), 0.01, begin.begins).tolist()
     content, rest = begin.model_dump() | {"dead": dead}, iter(numbers[2:])
     for direction in DIRECTIONS:
         for joint in (robot.joint_names[leg[part]] for leg in legs for part in PARTS[direction]):
