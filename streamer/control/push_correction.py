@@ -24,6 +24,9 @@ _SPEED = 3.0
 """Speed at which a joint leaves the plan at most [rad/s]."""
 _FADE_S = 0.1
 """Time constant with which a joint comes back to its plan [s]."""
+_ROOM = 0.15
+"""An offset brings no joint nearer to its limits than this [rad]. A hip that carries a falling robot ran past its limit
+with 3.8 rad/s, and its goal, which is bounded by the limit, implied 1.03 of the stall torque."""
 _NOTHING = 1e-3
 """A smaller offset of all joints is none, and the next push has to begin anew [rad]."""
 
@@ -43,6 +46,7 @@ class PushCorrection:
         self.correction = robot.push_correction if enabled else None
         self.offset, self.speed = np.zeros(robot.n), np.zeros(robot.n)
         self._rate = float(robot.rate_hz)
+        self._lower, self._upper = robot.lower + _ROOM, robot.upper - _ROOM
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
         self.acts = False
         self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
@@ -76,7 +80,10 @@ class PushCorrection:
         # A joint goes out as fast as it may and comes back slowly: the error of a robot that sways back crosses zero.
         np.multiply(offset, self._keep, out=goal)
         if side is not None:
-            wanted = np.clip(correction.gains[side] @ self._errors, -correction.most, correction.most)
+            q, most = reference.q, correction.most
+            lowest = np.clip(self._lower - q, -most, 0.0)
+            highest = np.clip(self._upper - q, 0.0, most)
+            wanted = np.clip(correction.gains[side] @ self._errors, lowest, highest)
             further = (np.abs(wanted) >= np.abs(goal)) | (wanted * offset < 0.0)
             np.copyto(goal, wanted, where=further)
         goal -= offset

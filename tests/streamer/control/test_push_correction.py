@@ -33,7 +33,7 @@ def on_one_foot(side: int) -> tuple[Estimator, Reference]:
     row = (step.lift + step.land) // 2
     reference, state = Reference(ROBOT.n), RobotState(ROBOT.n)
     reference.take(WALK, float(row))
-    reference.feet[:, 3] = 0.0
+    reference.feet[:, 3], reference.q[:] = 0.0, ROBOT.stand_pose
     state.position[:], state.imu_stale = WALK.q[row], 0
     estimator = Estimator(ROBOT, RETARGETER.omega)
     estimator.update(state, reference)
@@ -82,6 +82,19 @@ def test_joints_leave_the_plan_no_faster_and_no_further_than_they_may() -> None:
         np.testing.assert_allclose(correction.speed, (correction.offset - before) * ROBOT.rate_hz, atol=1e-9)
         assert np.abs(correction.speed).max() <= SPEED + 1e-9 and np.abs(correction.offset).max() <= KNOWN.most
         before = correction.offset.copy()
+
+
+def test_a_joint_near_its_limit_is_brought_no_nearer() -> None:
+    """Went wrong: a falling robot ran its hip past the limit, and its goal implied 1.03 of the stall torque."""
+    estimator, reference = on_one_foot(0)
+    moved = pushed(0, 0.0, -0.08).offset
+    hip = ROBOT.chain("left_leg")["hip_roll"]
+    reference.q[hip] = ROBOT.upper[hip] if moved[hip] > 0.0 else ROBOT.lower[hip]
+    estimator.dcm[:] = reference.dcm + (0.0, -0.08)
+    correction = PushCorrection(ROBOT)
+    for _ in range(60):
+        correction.update(estimator, reference)
+    assert moved[hip] and not correction.offset[hip] and correction.offset.any()
 
 
 def test_the_joints_come_back_to_their_plan_to_the_last_bit() -> None:
