@@ -414,7 +414,9 @@ class ControlLoop:
             struck=self.strikes.change,
             slow=plan is None and playback is not Playback.GET_UP,
             pushed=self.correction.acts,
-            impacts=playback is Playback.GET_UP or (self.unseen.sways and not self.estimator.has_imu),
+            impacts=playback is Playback.GET_UP
+            or self.correction.falls
+            or (self.unseen.sways and not self.estimator.has_imu),
         )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs

@@ -24,6 +24,8 @@ _SPEED = 3.0
 """Speed at which a joint leaves the plan at most [rad/s]."""
 _FADE_S = 0.1
 """Time constant with which a joint comes back to its plan [s]."""
+_FALLS_M = 0.15
+"""A divergent component further from its plan is that of a fall [m], as for `PushWatch`."""
 _ROOM = 0.15
 """An offset brings no joint nearer to its limits than this [rad]. A hip that carries a falling robot ran past its limit
 with 3.8 rad/s, and its goal, which is bounded by the limit, implied 1.03 of the stall torque."""
@@ -39,7 +41,7 @@ class PushCorrection:
 
     Attributes:
         offset: to add to the reference of the joints, (n,) [rad]; speed: its rate, (n,) [rad/s].
-        acts: whether any joint has an offset.
+        acts: whether any joint has an offset; falls: one has, and the error is that of a fall.
     """
 
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
@@ -48,7 +50,7 @@ class PushCorrection:
         self._rate = float(robot.rate_hz)
         self._lower, self._upper = robot.lower + _ROOM, robot.upper - _ROOM
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
-        self.acts = False
+        self.acts = self.falls = False
         self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
         self._errors = np.zeros(len(DIRECTIONS))
 
@@ -56,7 +58,7 @@ class PushCorrection:
         """Let the joints follow their plan at once."""
         if self.acts:
             self.offset[:] = self.speed[:] = 0.0
-            self.acts = False
+            self.acts = self.falls = False
 
     def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
         """Fill `offset` and `speed` for the newest estimate.
@@ -71,6 +73,7 @@ class PushCorrection:
         correction = self.correction
         if correction is None:
             return False
+        self.falls = False
         known = reference.balanced and estimator.has_imu and not hung
         side = self._fill_errors(estimator, reference) if known else None
         if side is None and not self.acts:
@@ -91,6 +94,7 @@ class PushCorrection:
         np.subtract(offset, self._before, out=self.speed)
         self.speed *= self._rate
         self.acts = True
+        self.falls = known and math.hypot(*(estimator.dcm - reference.dcm)) > _FALLS_M
         if side is None and np.abs(offset).max() <= _NOTHING:
             self.reset()
         return self.acts

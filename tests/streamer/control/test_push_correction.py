@@ -84,6 +84,12 @@ def test_joints_leave_the_plan_no_faster_and_no_further_than_they_may() -> None:
         before = correction.offset.copy()
 
 
+@pytest.mark.parametrize(("left", "falls"), [(0.1, False), (-0.2, True)])
+def test_an_error_of_no_robot_that_stands_is_a_fall(left: float, falls: bool) -> None:
+    """Went wrong: the leg of a falling robot was stopped in a tick, and its goal implied 1.04 of the stall torque."""
+    assert pushed(0, 0.0, left).falls == falls
+
+
 def test_a_joint_near_its_limit_is_brought_no_nearer() -> None:
     """Went wrong: a falling robot ran its hip past the limit, and its goal implied 1.03 of the stall torque."""
     estimator, reference = on_one_foot(0)
