@@ -15,6 +15,7 @@ from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zer
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.get_up import read_get_up
 from flexmotion.configs.identification import apply_to_joints, identified
+from flexmotion.configs.push_correction import read_push_correction
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
 from flexmotion.configs.servo import Servo, find_servo
@@ -80,6 +81,7 @@ class Robot:
         direction, zero: servo angle = direction * joint angle + zero [rad].
         stand_pose, rest_pose: [rad].
         get_up: from which sides it gets up on request, and how (`flexmotion.configs.get_up`).
+        push_correction: how its joints answer a push; None: not known (`flexmotion.configs.push_correction`).
         model: the compiled MJCF, without floor; read-only (`compile` makes an editable one).
         qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
         torso_id: id of the torso's body.
@@ -150,6 +152,7 @@ class Robot:
         if self.config.head is not None:
             self._body("head.body", self.config.head.body)
         self.get_up = read_get_up(self)
+        self.push_correction = read_push_correction(self)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n} joints, {self.file})"

@@ -6,13 +6,18 @@ the seconds after the push. Beside the share upright stands the share of pushes 
 recoverable (`benchmarks/shared/capturability.py`), from the true pose and speed at the push, with this robot's
 shortest steps, its longest strides, its soles, and the time that its plan leaves the foot that swings. A push before
 which the robot is on its way to a fall counts as all others.
+
+`--search FOLDER` searches the robot's push correction (`configs/push_correction.py`) by CMA-ES for the given time, or
+goes on with what is in the folder; the result is `FOLDER/push_correction.yaml`. It needs the extra `tune`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated
 
 import mujoco
@@ -28,7 +33,8 @@ from benchmarks.shared.cells import percent, share
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
-from flexmotion.configs.robot import load_robot
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.registry import create
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.streamer import api
@@ -146,14 +152,8 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
     return Trial(walk, seed, phase, single, direction_deg, size, steps, upright, landings, driver.violations)
 
 
-def push_all(
-    task: tuple[str, int], phases: int, directions: int, sizes: Sequence[float], robot_name: str
-) -> list[Trial]:
-    """All pushes of one run."""
-    walk, seed = task
-    robot = load_robot(robot_name)
-    turned = (seed * TURNED) % 1.0
-    trials: list[Trial] = []
+def moments(walk: str, seed: int, phases: int, robot: Robot) -> Iterator[tuple[Session, float]]:
+    """A robot that stands or walks, at equal parts of a gait cycle: its session, and the phase in [0, 1)."""
     with copied_memory():
         opened = api.open_session(robot, create("sim", robot, seed=seed), seed=seed)
     with opened as session:
@@ -165,14 +165,41 @@ def push_all(
             ticks = gait_cycle(session)
         begin = session.state.tick
         for number in range(phases):
-            phase = (number + turned) / phases
+            phase = (number + turned_by(seed)) / phases
             while session.state.tick < begin + round(phase * ticks):
                 session.step()
-            for size in sizes:
-                for sector in range(directions):
-                    direction = 360.0 * (sector + turned) / directions
-                    trials.append(in_branch(partial(pushed, session, walk, seed, phase, direction, size)))
-    return trials
+            yield session, phase
+
+
+def turned_by(seed: int) -> float:
+    """Part of a step between two directions, or phases, in [0, 1)."""
+    return (seed * TURNED) % 1.0
+
+
+def push_all(
+    task: tuple[str, int], phases: int, directions: int, sizes: Sequence[float], robot_name: str
+) -> list[Trial]:
+    """All pushes of one run."""
+    walk, seed = task
+    return [
+        in_branch(partial(pushed, session, walk, seed, phase, 360.0 * (sector + turned_by(seed)) / directions, size))
+        for session, phase in moments(walk, seed, phases, load_robot(robot_name))
+        for size in sizes
+        for sector in range(directions)
+    ]
+
+
+def search(folder: Path, robot_name: str, minutes: float, seed: int) -> None:
+    """Search a push correction.
+
+    Raises:
+        ConfigError: the extra is missing.
+    """
+    if find_spec("cma") is None:
+        raise ConfigError("--search needs the extra 'tune': in a clone, pip install '.[tune]'")
+    from benchmarks.robot.learned.push_search import search_correction
+
+    Console(stderr=True).print(f"written: {search_correction(load_robot(robot_name), folder, minutes, seed)}")
 
 
 def main(
@@ -183,17 +210,24 @@ def main(
     size: Annotated[list[float] | None, typer.Option(help="Only this impulse [N·s] (repeatable).")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each.")] = 1,
     seed: Annotated[int, typer.Option(help="Of the first one: of motion, robot, phases and directions.")] = 0,
+    search_in: Annotated[
+        Path | None, typer.Option("--search", help="Search a push correction in this folder, and measure nothing.")
+    ] = None,
+    minutes: Annotated[float, typer.Option(min=0.0, help="Of this part of the search.")] = 60.0,
     jobs: JobsOption = 1,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Push in all directions, at all phases, with all sizes."""
+    if search_in is not None:
+        search(search_in, robot, minutes, seed)
+        return Outcome()
     found: list[Trial] = []
     names = walks or [STAND, "ahead"]
     for walk in names:
         sizes = size or SIZES[STAND if walk == STAND else "walking"]
         # A third of the moments is enough for a robot that does not move.
-        moments = (phases + 2) // 3 if walk == STAND else phases
-        work = partial(push_all, phases=moments, directions=directions, sizes=sizes, robot_name=robot)
+        parts = (phases + 2) // 3 if walk == STAND else phases
+        work = partial(push_all, phases=parts, directions=directions, sizes=sizes, robot_name=robot)
         tasks = [(walk, seed + number) for number in range(seeds)]
         found += [trial for trials in in_order(work, tasks, jobs) for trial in trials]
     console = Console(width=140)

@@ -27,6 +27,7 @@ from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.plausibility import Plausibility
 from flexmotion.streamer.control.posture_move import PostureMove
 from flexmotion.streamer.control.punctuality import Punctuality
+from flexmotion.streamer.control.push_correction import PushCorrection
 from flexmotion.streamer.control.reference import Reference
 from flexmotion.streamer.control.row_writer import RowWriter
 from flexmotion.streamer.control.servo_command import ServoCommand
@@ -64,6 +65,8 @@ class ControlLoop:
         stopped_by: what stops the robot in the next tick, and who asked for it, in words; cleared after it.
         intake: the plan that plays, and the one that waits.
         commands: goals have been sent since torque went on.
+        offset: what answers to pushes add to the reference of the joints, (n,) [rad]; offset_speed: its rate, (n,)
+            [rad/s].
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
         hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
@@ -93,6 +96,8 @@ class ControlLoop:
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.level = SwingLevel(robot, retargeter, enabled=feedback)
+        self.correction = PushCorrection(robot, enabled=feedback)
+        self.offset, self.offset_speed = np.zeros(robot.n), np.zeros(robot.n)
         self.strikes = FootStrikes(robot, driver.delay_s)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
@@ -104,7 +109,7 @@ class ControlLoop:
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.get_up = GetUpMove(robot)
         self._uncapped = np.full(robot.n, np.inf)
-        self._moving = np.zeros(robot.n)  # scratch: the reference with the levelled leg
+        self._moving = np.zeros(robot.n)  # scratch: the reference with its offsets
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
@@ -197,7 +202,7 @@ class ControlLoop:
         late = self.tick_count - self._last_tick > _LATE_TICKS  # the servos have held their goals meanwhile
         self.plausibility.check(
             self.state,
-            np.add(self.now.qd, self.level.speed, out=self._moving),
+            np.add(self.now.qd, self.offset_speed, out=self._moving),
             self.tick_count,
             powered=powered,
             limp=self.joints.limp,
@@ -392,11 +397,7 @@ class ControlLoop:
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None
         np.copyto(self._load, self.now.torque if playback is Playback.GET_UP else self._torque())
-        if plan is None:
-            self.level.reset()
-        elif self.level.update(self.estimator, self.now, hung=self.suspension.hung):
-            self.ahead.q += self.level.offset
-            self.ahead.qd += self.level.speed
+        self._answer_push(plan is not None)
         self.joints.lead(self.ahead, self._load, self.state)
         if self.now.balanced and not self.suspension.hung:
             self.strikes.update(self.estimator)
@@ -412,13 +413,29 @@ class ControlLoop:
             stiffness=self.ahead.stiffness,
             struck=self.strikes.change,
             slow=plan is None and playback is not Playback.GET_UP,
-            impacts=playback is Playback.GET_UP or (self.unseen.sways and not self.estimator.has_imu),
+            pushed=self.correction.acts,
+            impacts=playback is Playback.GET_UP
+            or self.correction.falls
+            or (self.unseen.sways and not self.estimator.has_imu),
         )
         self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps
         self.driver.write(self.command)
+
+    def _answer_push(self, plans: bool) -> None:
+        """Add to the reference what a robot that sways or tilts does beside its plan; `plans`: one plays."""
+        parts, hung = (self.level, self.correction), self.suspension.hung
+        self.offset[:] = self.offset_speed[:] = 0.0
+        for part in parts:
+            if not plans:
+                part.reset()
+            elif part.update(self.estimator, self.now, hung=hung):
+                self.offset += part.offset
+                self.offset_speed += part.speed
+        self.ahead.q += self.offset
+        self.ahead.qd += self.offset_speed
 
     def _torque(self) -> Float:
         """Feed-forward torque that carries and balances the robot, (n,) [N·m]."""
@@ -430,8 +447,8 @@ class ControlLoop:
             torque[suspension.legs] = 0.0
             return torque
         self.stabiliser.update(self.estimator, now)
-        # The leg in the air is not where the plan has it, and does not sag by that.
-        self.load.update(np.add(now.q, self.level.offset, out=self._moving), measured.position, now.torque)
+        # Joints that have left the plan on purpose do not sag by that.
+        self.load.update(np.add(now.q, self.offset, out=self._moving), measured.position, now.torque)
         return self.load.factor * self.ahead.torque + self.stabiliser.torque
 
     def _write_row(self, playback: Playback) -> None:
@@ -452,7 +469,7 @@ class ControlLoop:
         writer.write_plan(intake.playing)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
-        writer.write_reference(now, self.command, self.servo.softness, self.level)
+        writer.write_reference(now, self.command, self.servo.softness, self.offset, self.offset_speed)
         if now.balanced:
             writer.write_balance(now, self.estimator, self.stabiliser)
         if intake.plan is not None and playback is Playback.PLAN:

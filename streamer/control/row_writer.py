@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
@@ -16,8 +17,9 @@ from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.reference import Reference
 from flexmotion.streamer.control.soft_following import SoftFollowing
 from flexmotion.streamer.control.stabiliser import Stabiliser
-from flexmotion.streamer.control.swing_level import SwingLevel
 from flexmotion.streamer.control.tick_row import REPAIRS, TickRow
+
+Float = NDArray[np.float64]
 
 
 class RowWriter:
@@ -86,13 +88,13 @@ class RowWriter:
         row.contact_ref[...] = False
 
     def write_reference(
-        self, now: Reference, command: JointCommand, softness: SoftFollowing, level: SwingLevel
+        self, now: Reference, command: JointCommand, softness: SoftFollowing, offset: Float, speed: Float
     ) -> None:
-        """Reference, that of the leg in the air as levelled, and goals, while torque is on."""
+        """Reference with its offsets, (n,) [rad, rad/s], and goals, while torque is on."""
         row = self.row
         row.q_cmd[...], row.stiffness[...] = command.position, softness.share
-        np.add(now.q, level.offset, out=row.q_ref)
-        np.add(now.qd, level.speed, out=row.qd_ref)
+        np.add(now.q, offset, out=row.q_ref)
+        np.add(now.qd, speed, out=row.qd_ref)
         row.torque_ref[...] = now.torque
 
     def write_balance(self, now: Reference, estimator: Estimator, stabiliser: Stabiliser) -> None:

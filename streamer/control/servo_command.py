@@ -34,6 +34,9 @@ fell with 0.75 and swings of 6.8 m/s², none with 0.8 and 7 m/s²."""
 BRAKING_SPEED = 0.3
 """Joint speed from which the braking torque is allowed in full [rad/s]. Near standstill only the usable torque is: a
 foot's impact may reverse the joint within a tick, and the goal must then still be inside the envelope."""
+PUSHED_BRAKING_SHARE = 0.7
+"""The same for a robot that answers a push beyond its plan (`push_correction.py`): its joints are made faster by up to
+.8 rad/s in a tick. With `BRAKING_SHARE` the goals of two of 180 pushes implied up to 1.02 of the stall torque."""
 IMPACT_BRAKING_SHARE = 0.5
 """The same for a robot that gets up, or sways and has no IMU: the ground stops joints while a goal is under way, by up
 to 2.1 rad/s (back-EMF of XM430-W350: 1.8 N·m). With `BRAKING_SHARE` two goals in 20 rises from the front were outside
@@ -89,7 +92,7 @@ class ServoCommand:
         self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + SUPPLY_MARGIN)
         self._supply, self._trust = np.full(robot.n, np.nan), np.ones(robot.n)
         self._doubts = False  # trust is below 1 somewhere
-        self._impacts = False
+        self._impacts, self._braking = False, BRAKING_SHARE
         self._now_and_later = np.zeros((2, 2, robot.n))
         self._strikes: tuple[Float, Float] | None = None  # torque that strikes add to what goals imply, each way
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
@@ -142,6 +145,7 @@ class ServoCommand:
         stiffness: Float | None = None,
         struck: Float | None = None,
         slow: bool = False,
+        pushed: bool = False,
         impacts: bool = False,
     ) -> Float:
         """Goals for a reference.
@@ -155,6 +159,7 @@ class ServoCommand:
                 have arrived, (2, n) [rad/s]; None: no foot comes down.
             slow: the reference is a slow move, which silent joints follow for as long as it takes (a robot whose bus is
                 lost is lowered).
+            pushed: the robot answers a push, and goals imply less torque while the servo brakes.
             impacts: the ground may stop any joint at any time: goals imply less torque while the servo brakes.
 
         Returns:
@@ -162,6 +167,7 @@ class ServoCommand:
         """
         robot = self.robot
         self._impacts = impacts
+        self._braking = IMPACT_BRAKING_SHARE if impacts else PUSHED_BRAKING_SHARE if pushed else BRAKING_SHARE
         supply = self._supply_of(measured)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
@@ -347,8 +353,7 @@ class ServoCommand:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
         """
         robot = self.robot
-        share = IMPACT_BRAKING_SHARE if self._impacts else BRAKING_SHARE
-        braking = np.minimum(share * robot.stall_torque * supply, self.cap)
+        braking = np.minimum(self._braking * robot.stall_torque * supply, self.cap)
         drag = robot.back_emf * velocity
         if usable is None:
             most = np.minimum(np.maximum(braking, robot.usable_torque * supply), self.cap)
