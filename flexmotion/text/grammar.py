@@ -19,6 +19,7 @@ from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
+from flexmotion.text.prompt_reader import WITHOUT_TURNING
 from flexmotion.text.questions import QUESTION, is_question
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
@@ -39,9 +40,12 @@ def parse(sentence: str) -> tuple[Clause, ...]:
 
 
 def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:
-    """The sentence with a word in the place of each phrase."""
+    """The sentence with a word in the place of each phrase, and a comma behind those that something else follows."""
     for number, phrase in reversed(list(enumerate(phrases))):
-        sentence = f"{sentence[: phrase.start]}{_name(number)}{sentence[phrase.end :]}"
+        rest = sentence[phrase.end :]
+        # "Walk without turning" is one request.
+        comma = "," if phrase.cut and WITHOUT_TURNING.match(rest.lstrip()) is None else ""
+        sentence = f"{sentence[: phrase.start]}{_name(number)}{comma}{rest}"
     return sentence
 
 

@@ -75,7 +75,7 @@ class MannerReader:
 
     def _known(self, phrase: MannerPhrase) -> MannerPhrase:
         """The phrase with its manner; without one where nobody knows it."""
-        if phrase.manner is not None or self._listener is None:
+        if phrase.manner is not None or phrase.doubtful or self._listener is None:
             return phrase
         pieces = self._encode.pieces(phrase.text)
         heard, share = self._listener.heard(phrase.text, self._encode(phrase.text), pieces)

@@ -447,3 +447,63 @@ def test_a_named_repeat_is_never_of_another_motion(hearing: Hearing, say: str) -
     program = hear(hearing, say, "bow")
     assert moves(program) == (["wave-right-hand"] if "wave" in say else [])
     assert (program.heard.state == "refused") == ("wave" not in say)
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("walk like an old man backwards", [("walk-back", "old", None)]),
+        ("walk like an old man left", [("walk-turn-left", "old", None)]),
+        ("walk like my grandfather backwards", [("walk-back", "old", None)]),
+        ("walk like an old man stop", [("walk", "old", 4.0), ("stand", None, 2.0)]),
+        ("walk like an old man two metres", [("walk", "old", 2.0)]),
+        ("walk like a hundred year old 3 steps", [("walk", "old", 3.0)]),
+        ("walk like a lady 2 steps", [("walk", "feminine", 2.0)]),
+        ("turn like an old man 90 degrees to the left", [("walk-turn-left", "old", np.pi / 2)]),
+        ("turn left like an old man by 90 degrees", [("walk-turn-left", "old", np.pi / 2)]),
+        ("bow like an old man 3 times", [("bow", "old", 3.0)]),
+        ("walk like an old man without turning", [("walk", "old", None)]),
+        ("walk like an old man until I say stop", [("walk", "old", None)]),
+    ],
+)
+def test_what_is_said_behind_a_manner_is_done_too(
+    hearing: Hearing, say: str, does: list[tuple[str, str | None, float | None]]
+) -> None:
+    """Went wrong: "walk like an old man backwards" walked ahead: all words up to a comma were taken for the manner."""
+    program = hear(hearing, say)
+    assert program.heard.state in ("accepted", "slowed") and program.heard.dropped == ()
+    done = [(step.kind, step.told.manner, step.amount and step.amount.value) for step in program.steps]
+    assert done == [(kind, manner, amount and pytest.approx(amount, rel=1e-3)) for kind, manner, amount in does]
+
+
+@pytest.mark.parametrize(
+    ("say", "reason"),
+    [
+        ("walk like an old man 100 metres", "expected 0.02 m to 10 m"),
+        ("walk like an old man without moving your arms", "cannot promise"),
+        ("walk like an old man up the stairs", "up the stairs"),
+        ("walk like an old man in a circle", "a circle"),
+        ("turn left like an old man but don't turn", "asked for and forbidden"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_behind_a_manner_too(hearing: Hearing, say: str, reason: str) -> None:
+    """Went wrong: a prohibition and a walk of 100 m behind "like an old man" were accepted, and not heard."""
+    heard = hear(hearing, say).heard
+    assert heard.state == "refused" and reason in str(heard.reason)
+
+
+def test_words_that_may_belong_to_a_manner_or_not_are_told(hearing: Hearing) -> None:
+    """Went wrong: words that the manner swallowed were told nowhere."""
+    for say in (
+        "walk like an old man on the left",
+        "walk as if you were a hundred backwards",
+        "walk unlike an old man",
+    ):
+        heard = hear(hearing, say).heard
+        assert heard.state == "partly" and heard.dropped == (say.removeprefix("walk "),) and heard.manner is None
+
+
+def test_a_walk_as_an_old_man_is_one_like_an_old_man(hearing: Hearing) -> None:
+    """Went wrong: "walk as an old man" was a normal walk, and nothing was told."""
+    assert hear(hearing, "walk as an old man").heard.manner == "old"
+    assert hear(hearing, "wave as a greeting").heard.state == "accepted"
