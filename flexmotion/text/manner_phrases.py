@@ -55,7 +55,7 @@ class MannerPhrase:
         manner: that they are known to mean; None: they are not known.
         start, end: place in the sentence.
         doubtful: whether words of it may ask for something beside the manner, or deny it: nobody may guess its manner.
-        cut: whether something else is asked for right behind it, without a comma.
+        cut: whether another request may begin right behind it, without a comma.
     """
 
     text: str
@@ -82,10 +82,11 @@ def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
         if match[0].startswith("as ") and match["like"] and not any(one.start == match.start() for one in found):
             continue  # "as a greeting"
         start, end = match.span()
+        cut = False
         if match["like"] or match["if"]:
-            end = _end(text, start, end, [one for one in found if start <= one.start and one.end <= end])
+            end, cut = _end(text, start, end, [one for one in found if start <= one.start and one.end <= end])
         over = [one for one in found if start < one.end and one.start < end]
-        said, cut = text[start:end].strip(), end < match.end()
+        said = text[start:end].strip()
         doubtful = bool(match["unlike"]) or (bool(match["like"] or match["if"]) and _ends_otherwise(said, over))
         if not over:
             found.append(MannerPhrase(said, lexicon.get(said), start, end, doubtful, cut))
@@ -105,8 +106,8 @@ def without_phrases(sentence: str, phrases: tuple[MannerPhrase, ...]) -> str:
     return " ".join(sentence.split())
 
 
-def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> int:
-    """Where a comparison ends: in front of the first word behind its manner that asks for something else.
+def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> tuple[int, bool]:
+    """Where a comparison ends, in front of the first word that asks for something else; whether a request may be that.
 
     Args:
         text: the sentence.
@@ -121,8 +122,8 @@ def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> int:
         relative = head is None or _RELATES.search(text, max(head.end(), listed), match.start())
         clear = not relative or any(first <= one.end <= match.start() for one in known)
         if clear and not _HOLDS_ON.search(text[start : match.start()]):
-            return len(text[: match.start()].rstrip())
-    return end
+            return len(text[: match.start()].rstrip()), match["speed"] is None
+    return end, False
 
 
 def _ends_otherwise(said: str, known: list[MannerPhrase]) -> bool:
@@ -161,7 +162,7 @@ def _asking() -> re.Pattern[str]:
         *known.phrases("impossible"),
         *(f"in {shape}" for shape in known.phrases("shapes")),
     ]
-    return re.compile(rf"(?<![\w'-])(?:{amount}|{pace}|{speed}|{denied}|{_any(other)})(?![\w'-])")
+    return re.compile(rf"(?<![\w'-])(?:{amount}|(?P<speed>{pace}|{speed})|{denied}|{_any(other)})(?![\w'-])")
 
 
 def _any(words: Iterable[str]) -> str:

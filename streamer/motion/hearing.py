@@ -95,10 +95,11 @@ class Hearing:
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
+            several = len([clause for clause in clauses if not _changes_last(clause)]) > 1
             for clause in wanted:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
-                steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
+                steps += self._steps(clause, several, steps, under_way, last)
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
                     notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
@@ -246,6 +247,7 @@ class Hearing:
             asked=sentence,
             state="partly" if clause.dropped else "accepted",
             heard_as=", ".join(step.kind for step in steps),
+            manner=_manners(steps),
             certainty=1.0,
             dropped=clause.dropped,
             notes=(f"now at a human's {told}",),
@@ -452,6 +454,11 @@ def _covers(forbidden: str, kind: str) -> bool:
     if forbidden in ("run", "dash"):
         return kind in ("run", "dash")
     return forbidden == kind
+
+
+def _changes_last(clause: Clause) -> bool:
+    """Whether a clause changes the speed of the motion before it, and asks for none of its own: "walk, slowly"."""
+    return clause.asks in (Asks.FASTER, Asks.SLOWER) and clause.joint != "then"
 
 
 def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:

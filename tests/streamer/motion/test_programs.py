@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.robot import load_robot
+from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
 from flexmotion.streamer.motion.hearing import Hearing
@@ -212,8 +213,8 @@ def test_a_walk_back_has_the_speed_that_is_asked_for(hearing: Hearing) -> None:
     assert hearing.pace is not None
     most = f"{hearing.pace.back:.2g} m/s back"
     assert most in str(hearing(Velocity(-1.1, 0.0, 0.0)).heard.slowed)
-    fast, slow = hearing(Text("walk backward")), hearing(Text("walk backward slowly"))
-    assert most in str(fast.heard.slowed) and slow.heard.state == "accepted"
+    slow = hearing(Text("walk backward slowly"))
+    assert slow.heard.state == "accepted"
     assert isinstance(slow.steps[0].intent, Velocity) and -hearing.pace.back < slow.steps[0].intent.forward < 0.0
 
 
@@ -507,3 +508,57 @@ def test_a_walk_as_an_old_man_is_one_like_an_old_man(hearing: Hearing) -> None:
     """Went wrong: "walk as an old man" was a normal walk, and nothing was told."""
     assert hear(hearing, "walk as an old man").heard.manner == "old"
     assert hear(hearing, "wave as a greeting").heard.state == "accepted"
+
+
+@pytest.mark.parametrize("say", ["walk like an old man", "walk backward", "turn left like an old man"])
+def test_a_walk_within_the_pace_goes_slower_and_faster(hearing: Hearing, say: str) -> None:
+    """Went wrong: a walk like an old man was at its smallest speed already, and at its greatest."""
+    program, speeds = hear(hearing, say), list[float]()
+    for change in ("slower", "slower", "faster", "faster", "faster", "faster"):
+        program = hearing(Text(change), program, program)
+        speeds.append(float(np.abs(velocity_of(program)).max()))
+    assert speeds[1] < speeds[0] < 0.7 and speeds[1] < speeds[2] < speeds[3] <= speeds[4] <= speeds[5]
+    assert hearing.pace is not None and hearing.pace.slowed(velocity_of(program)) == velocity_of(program)
+    greatest = hearing(Text("faster"), program, program).heard
+    assert greatest.state == "refused" and "greatest speed already" in str(greatest.reason)
+
+
+@pytest.mark.parametrize("pace", [None, Pace(2.0, 1.0, 0.5, 2.0)])
+def test_a_walk_of_a_robot_that_keeps_up_goes_slower_and_faster(hearing: Hearing, pace: Pace | None) -> None:
+    """Went wrong: where no walk had to be slowed for the robot, none could be slower."""
+    quick = Hearing(hearing.model, pace)
+    walk = quick(Text("walk forward"))
+    (slower, _, _), (faster, _, _) = (velocity_of(quick(Text(say), walk, walk)) for say in ("slower", "faster"))
+    assert (slower, faster) == pytest.approx((0.84, 1.56))
+
+
+def test_the_answer_to_slower_says_the_manner_that_goes_on(hearing: Hearing) -> None:
+    """Went wrong: the answer to "slower" in a walk like an old man named no manner."""
+    assert hear(hearing, "slower", "walk like an old man").heard.manner == "old"
+
+
+@pytest.mark.parametrize(
+    ("say", "share"),
+    [
+        ("walk slowly like an old man", 0.6),
+        ("walk very slowly like an old man", 0.36),
+        ("walk like an old man, slowly", 0.7),
+        ("walk like an old man slowly", 0.6),
+        ("walk like an old man at half speed", 0.5),
+        ("walk like an old man 30 % slower", 0.7),
+        ("walk like an old man much slower", 0.49),
+        ("walk like an old man a bit slower", 0.84),
+    ],
+)
+def test_a_manner_of_its_own_speed_is_done_slowly(hearing: Hearing, say: str, share: float) -> None:
+    """Went wrong: "walk slowly like an old man" was refused, and "… like an old man slowly" was as fast as without."""
+    program = hear(hearing, say)
+    own = hearing.model.own_velocity(Condition("walk like an old man"))
+    assert own is not None and program.heard.manner == "old" and program.steps[0].amount is None
+    assert velocity_of(program)[0] == pytest.approx(share * own[0], rel=0.01)
+
+
+def test_a_walk_ahead_is_done_slower_too(hearing: Hearing) -> None:
+    """Went wrong: "walk forward much slower" was walked as fast as ever, and nothing was told."""
+    slower, much = (velocity_of(hear(hearing, f"walk forward {words}"))[0] for words in ("slower", "much slower"))
+    assert hearing.pace is not None and 0.0 < much < slower < 0.75 * hearing.pace.ahead
