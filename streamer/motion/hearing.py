@@ -14,7 +14,7 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
-from flexmotion.streamer.motion.measured_steps import RefusedError, at_rate, fits, measured
+from flexmotion.streamer.motion.measured_steps import NothingChangesError, RefusedError, at_rate, fits, measured
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
@@ -22,9 +22,10 @@ from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
+from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.phrases import STAND, limbs, moves_head
+from flexmotion.text.phrases import BOTH_UP, STAND, limbs, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
@@ -107,6 +108,11 @@ class Hearing:
                 notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
+        except NothingChangesError as refused:
+            if under_way is None:
+                return self._refused(sentence, str(refused), dropped)
+            heard = Heard(asked=sentence, state="refused", reason=f"{refused}; it goes on", certainty=1.0)
+            return replace(under_way, heard=heard)
         except RefusedError as refused:
             return self._refused(sentence, str(refused), dropped)
         if not steps:
@@ -301,6 +307,7 @@ class Hearing:
                 return [self._measured(changed, usual_amount(changed, 1), 1)]
             before[-1] = changed
             return []
+        clause = self._lowering(clause, before or ([] if under_way is None else list(under_way.steps)))
         return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
@@ -363,6 +370,28 @@ class Hearing:
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
+
+    def _lowering(self, clause: Clause, done: Sequence[Step]) -> Clause:
+        """The clause with what leaves one arm down and the other as it is, where it asks to lower one."""
+        lowered = lowered_arm(clause.text)
+        if lowered is None:
+            return clause
+        (side, arm), kind = lowered, done[-1].kind if done else STAND
+        down = replace(clause, text="lower your arms")
+        if kind == STAND:
+            return down
+        raised = sides(kind) if "arm" in (limbs(kind) or ()) else frozenset()
+        if "arm" not in (limbs(kind) or ()):
+            raise NothingChangesError(f"{clause.said!r}: {kind} raises no arm")
+        if raised and side not in raised:
+            raise NothingChangesError(f"{clause.said!r}: {kind} does not raise the {side} {arm}")
+        if raised:
+            return down
+        if side == "other":
+            raise NothingChangesError(f"{clause.said!r}: which {arm}? say left or right")
+        if kind == BOTH_UP:
+            return replace(clause, text=f"raise your {'right' if side == 'left' else 'left'} hand")
+        raise NothingChangesError(f"{clause.said!r}: {kind} is no motion of that {arm} alone; say 'lower your arms'")
 
     def _with_limb(self, clause: Clause, done: Sequence[Step]) -> Clause:
         """The clause with the side of "the other hand": not that of the last gesture which one hand made."""

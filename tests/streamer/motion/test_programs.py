@@ -562,3 +562,40 @@ def test_a_walk_ahead_is_done_slower_too(hearing: Hearing) -> None:
     """Went wrong: "walk forward much slower" was walked as fast as ever, and nothing was told."""
     slower, much = (velocity_of(hear(hearing, f"walk forward {words}"))[0] for words in ("slower", "much slower"))
     assert hearing.pace is not None and 0.0 < much < slower < 0.75 * hearing.pace.ahead
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "kinds"),
+    [
+        ("raise your left hand", "lower your left hand", []),
+        ("raise your left hand", "Please put your left arm down.", []),
+        ("raise both arms", "lower your left hand", ["raise-up-right-hand"]),
+        ("raise both arms", "put down your right arm", ["raise-up-left-hand"]),
+        (None, "lower your left hand", []),
+        (None, "drop your left arm", []),
+        (None, "let your left arm hang", []),
+    ],
+)
+def test_the_arm_that_is_named_is_lowered(hearing: Hearing, after: str | None, say: str, kinds: list[str]) -> None:
+    """Went wrong: with both arms up "lower your left hand" lowered both, and "drop your left arm" raised it."""
+    program = hear(hearing, say, after)
+    assert moves(program) == kinds and program.heard.state == "accepted"
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "reason"),
+    [
+        ("raise your right hand", "lower your left hand", "does not raise the left hand"),
+        ("raise your right hand", "lower the other arm", "does not raise the other arm"),
+        ("walk forward", "lower your right arm", "walk raises no arm"),
+        ("raise both arms", "lower the other hand", "say left or right"),
+        ("put your hands on your hips", "lower your left hand", "say 'lower your arms'"),
+    ],
+)
+def test_an_arm_that_is_not_raised_is_not_lowered_and_all_goes_on(
+    hearing: Hearing, after: str, say: str, reason: str
+) -> None:
+    """Went wrong: "lower your left hand" lowered a raised right hand, stopped a walk, and was accepted."""
+    program, before = hear(hearing, say, after), hear(hearing, after)
+    assert program.heard.state == "refused" and reason in str(program.heard.reason)
+    assert str(program.heard.reason).endswith("; it goes on") and moves(program) == moves(before) != []
