@@ -41,6 +41,9 @@ _HOLDS_ON = re.compile(rf"\b(?:{_ARTICLES}|of|like|as)\s*$")
 _ENDS_ITSELF = re.compile(r"\bof \w+$|\b(?:no|nothing|little|any|some) (?:\w+ )?left$")
 """Last words that end a comparison although others like them ask for something: "a child of five"."""
 
+_BESIDE = frozenset(["now", "please", "and", "but", "then", "robot", "ok", "okay", "instead"])
+"""Words that ask for nothing beside a manner of what is under way."""
+
 
 _SUBJECT = re.compile(r"\s*(?:an?|the|this|that)?\s*(\w+(?: (?:man|woman|lady|person))?)\b")
 """Who does it, at the beginning of a sentence."""
@@ -97,6 +100,16 @@ def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
             found.append(MannerPhrase(said, manner, start, end, doubtful, cut))
     asking = (one for one in found if one.text not in manners.neutral_words() and one.manner != manners.NORMAL)
     return tuple(sorted(asking, key=lambda one: one.start))
+
+
+def manner_alone(sentence: str) -> str | None:
+    """The words that say a manner, in a sentence that says nothing else ("now like an old man"); None for others."""
+    phrases = manner_phrases(sentence)
+    if not phrases or not all(" " in phrase.text or phrase.text.endswith("ly") for phrase in phrases):
+        return None  # "sneak" asks for a motion
+    rest = [word for word in re.findall(r"[\w']+", without_phrases(sentence, phrases).lower()) if word not in _BESIDE]
+    goes_on = not rest or " ".join(rest) in vocabulary().words("continue")
+    return " ".join(phrase.text for phrase in phrases) if goes_on else None
 
 
 def without_phrases(sentence: str, phrases: tuple[MannerPhrase, ...]) -> str:

@@ -23,6 +23,7 @@ from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
+from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import BOTH_UP, STAND, limbs, moves_head
@@ -88,6 +89,8 @@ class Hearing:
         return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text=words, heard_as=STAND)),), heard)
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
+        if (way := manner_alone(sentence)) is not None:
+            return self._in_manner(sentence, way, under_way)
         clauses = self._requests(sentence)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
@@ -260,6 +263,44 @@ class Hearing:
             steps=tuple(step.told for step in steps),
         )
         return Program(tuple(steps), heard, under_way.number)
+
+    def _in_manner(self, sentence: str, way: str, under_way: Program | None) -> Program:
+        """What is under way in another manner, which goes on where it is.
+
+        Args:
+            way: the words that say the manner.
+        """
+        step = None if under_way is None else under_way.steps[0]
+        if under_way is None or step is None or step.kind == STAND or step.is_still:
+            reason = f"{sentence!r} says only how; say what to do as well, as in 'walk {way}'"
+            return self._refused(sentence, reason, ())
+        kept = step.told.text
+        text = f"{without_phrases(kept, manner_phrases(kept))} {way}"
+        prompt = self.model.prompt(text)
+        walks = under_way.is_open and (step.turn or step.axis != (0, 0)) and isinstance(step.intent, Text | Velocity)
+        if not walks or prompt.kind != step.kind or prompt.manner == NORMAL or prompt.dropped:
+            which = "the model has no such manner" if walks and prompt.dropped else f"say all of it, as in {text!r}"
+            reason = f"{sentence!r}: {step.kind} is not changed to that manner: {which}; it goes on"
+            return replace(under_way, heard=Heard(asked=sentence, state="refused", reason=reason, certainty=1.0))
+        intent: Intent
+        if isinstance(step.intent, Velocity):
+            velocity = step.intent.forward, step.intent.left, step.intent.turning
+            intent, asked = replace(step.intent, manner=prompt.manner), Condition(velocity=velocity, pace=self.pace)
+        else:
+            intent, asked = Text(text), Condition(text, pace=self.pace)
+        slowed = self.speeds.slowed(asked)
+        told = step.told.model_copy(update={"text": text, "manner": prompt.manner, "slowed": slowed})
+        heard = Heard(
+            asked=sentence,
+            state="accepted" if slowed is None else "slowed",
+            heard_as=step.kind,
+            manner=prompt.manner,
+            certainty=_rounded(prompt),
+            slowed=slowed,
+            notes=("it goes on in that manner",),
+            steps=(told,),
+        )
+        return Program((replace(step, intent=intent, told=told),), heard, under_way.number)
 
     # ------------------------------------------------------------ from a clause to its steps
 

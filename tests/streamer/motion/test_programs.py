@@ -599,3 +599,50 @@ def test_an_arm_that_is_not_raised_is_not_lowered_and_all_goes_on(
     program, before = hear(hearing, say, after), hear(hearing, after)
     assert program.heard.state == "refused" and reason in str(program.heard.reason)
     assert str(program.heard.reason).endswith("; it goes on") and moves(program) == moves(before) != []
+
+
+@pytest.mark.parametrize(
+    "say", ["like an old man", "now like an old man", "like an old man now", "keep going like an old man"]
+)
+def test_a_walk_under_way_goes_on_in_another_manner(hearing: Hearing, say: str) -> None:
+    """Went wrong: "like an old man" in a walk was refused, and the robot stopped."""
+    walk = hearing(Text("walk forward"))
+    program = hearing(Text(say), walk, walk)
+    assert program.heard.state == "accepted" and program.heard.manner == "old" and moves(program) == ["walk"]
+    assert program.number == walk.number and "goes on" in str(remark_on(hearing.model, Text(say), program))
+    lady = hearing(Text("like a lady"), program, program)
+    assert lady.steps[0].told.manner == "feminine" and lady.heard.state == "slowed"
+
+
+def test_a_manner_keeps_the_speed_that_was_asked_for(hearing: Hearing) -> None:
+    """A manner alone was refused; a walk that was made slower goes on at that speed in the manner."""
+    walk = hearing(Text("walk forward"))
+    slow = hearing(Text("slower"), walk, walk)
+    old = hearing(Text("like an old man"), slow, slow)
+    assert velocity_of(old) == velocity_of(slow) and old.heard.slowed is None
+    assert isinstance(old.steps[0].intent, Velocity) and old.steps[0].intent.manner == "old"
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "reason"),
+    [
+        ("walk forward", "proudly", "the model has no such manner"),
+        ("walk forward", "unlike an old man", "the model has no such manner"),
+        ("bow", "like an old man", "'bow like an old man'"),
+        ("walk two metres", "like an old man", "say all of it"),
+    ],
+)
+def test_what_does_not_change_to_a_manner_goes_on_as_it_is(hearing: Hearing, after: str, say: str, reason: str) -> None:
+    """Went wrong: a manner that was refused stopped the robot."""
+    before = hearing(Text(after))
+    program = hearing(Text(say), before, before)
+    assert program.heard.state == "refused" and reason in str(program.heard.reason)
+    assert str(program.heard.reason).endswith("it goes on") and program.steps == before.steps
+
+
+def test_a_manner_of_nothing_names_what_to_say(hearing: Hearing) -> None:
+    """Went wrong: the refusal of "like an old man" suggested to look around."""
+    for say in ("like an old man", "Now like an old man!"):
+        heard = hear(hearing, say).heard
+        assert heard.state == "refused" and "as in 'walk like an old man'" in str(heard.reason)
+    assert hear(hearing, "go like an old man").heard.manner == "old" and moves(hear(hearing, "sneak")) == ["walk"]
