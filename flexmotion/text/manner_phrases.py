@@ -164,6 +164,11 @@ def _asking() -> re.Pattern[str]:
     other = [
         *known.words("directions"),
         *known.words("run_on_verbs"),
+        *(
+            form
+            for verb in known.words("single_motions")
+            for form in (verb, f"{verb}ing", f"{verb.removesuffix('e')}ing")
+        ),
         *known.words("stop_verbs"),
         "now",
         "again",

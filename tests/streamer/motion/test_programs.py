@@ -484,6 +484,7 @@ def test_what_is_said_behind_a_manner_is_done_too(
         ("walk like an old man without moving your arms", "cannot promise"),
         ("walk like an old man up the stairs", "up the stairs"),
         ("walk like an old man in a circle", "a circle"),
+        ("walk like an old man waving", "say which comes first"),
         ("turn left like an old man but don't turn", "asked for and forbidden"),
     ],
 )
