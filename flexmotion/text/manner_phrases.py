@@ -69,6 +69,7 @@ class MannerPhrase:
     cut: bool = False
 
 
+@lru_cache(maxsize=256)
 def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
     """Every phrase of a sentence that says a manner, in order; words that ask for no manner ("politely") are none."""
     text = sentence.lower().replace("’", "'")
@@ -135,7 +136,7 @@ def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> tuple[in
         relative = head is None or _RELATES.search(text, max(head.end(), listed), match.start())
         clear = not relative or any(first <= one.end <= match.start() for one in known)
         if clear and not _HOLDS_ON.search(text[start : match.start()]):
-            return len(text[: match.start()].rstrip()), match["speed"] is None
+            return len(text[: match.start()].rstrip()), match["request"] is not None
     return end, False
 
 
@@ -153,34 +154,26 @@ def _asking() -> re.Pattern[str]:
     known = vocabulary()
     table = known.table
     units = _any(unit for names in table["units"].values() for unit in names)
-    numbers = rf"(?:\d[\d.,]*|{_any([*table['numbers'], *table['fractions'], *table['counts'], *table['multiples']])})"
-    amount = (
-        rf"(?:(?:about|by|at|around|at least|at most) )?(?:{numbers}|an? (?:{units}|few|couple|bit|little|lot)|several)"
-    )
+    counts = [word for name in ("numbers", "fractions", "counts", "multiples") for word in table[name]]
+    numbers = rf"\d[\d.,]*\w*|{_any(counts)}|an? (?:{units}|few|couple|bit|little|lot)|several"
+    amount = rf"(?:(?:about|by|at|in|within|around|at least|at most) )*(?:{numbers})"
     speed = rf"(?:{_any(known.words('faster') | known.words('slower') | known.words('speeds'))}|\w+ly(?=\s*$))"
     speed = rf"(?:(?:{_any([*known.phrases('amplifiers'), 'more', 'less', 'so', 'too'])}) )*{speed}"
     pace = rf"at an? (?:{_any(table['rates'])})|{_any(known.phrases('flat_out'))}"
-    denied = r"not|never|no|without|nor|neither|don't|do not|but|or|until|till|unless|before|after|instead|except"
+    verbs = known.words("single_motions")
+    moves = [form for verb in verbs for form in (verb, f"{verb}ing", f"{verb.removesuffix('e')}ing")]
+    denied = r"not|never|no|without|nor|neither|don't|do not|but|or|before|after|instead|except|rather than"
+    request = rf"{denied}|{_any([*moves, *known.words('run_on_verbs'), *known.words('stop_verbs')])}"
+    curve = r"in an? (?:\w+ )?(?:turn|curve|arc)"
+    limb = rf"(?:(?:your|both|the) )*(?:{_any(known.words('limbs'))})"
     other = [
-        *known.words("directions"),
-        *known.words("run_on_verbs"),
-        *(
-            form
-            for verb in known.words("single_motions")
-            for form in (verb, f"{verb}ing", f"{verb.removesuffix('e')}ing")
-        ),
-        *known.words("stop_verbs"),
-        "now",
-        "again",
-        "clockwise",
-        "counterclockwise",
-        "anticlockwise",
-        *known.words("destinations"),
-        *known.phrases("in_place"),
-        *known.phrases("impossible"),
+        *(word for name in ("directions", "destinations", "conditions") for word in known.words(name)),
+        *(word for name in ("in_place", "impossible", "little") for word in known.phrases(name)),
         *(f"in {shape}" for shape in known.phrases("shapes")),
+        *("now", "again", "clockwise", "counterclockwise", "anticlockwise", "every", "each"),
     ]
-    return re.compile(rf"(?<![\w'-])(?:{amount}|(?P<speed>{pace}|{speed})|{denied}|{_any(other)})(?![\w'-])")
+    other_words = rf"{amount}|{curve}|{limb}|{_any(other)}"
+    return re.compile(rf"(?<![\w'-])(?:{pace}|{speed}|(?P<request>{request})|{other_words})(?![\w'-])")
 
 
 def _any(words: Iterable[str]) -> str:

@@ -52,6 +52,7 @@ class MannerReader:
         personal = sorted((name for name in offered if name not in manners()), key=len, reverse=True)
         self._names = {name.lower(): name for name in personal}
         # The longest first: "like Ada Lovelace" is another person than "like Ada".
+        manner_phrases("walk like an old man now")  # compiles its patterns: a live planner has no time for that
         self._personal = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, personal))})(?!\w)", re.IGNORECASE)
 
     def __call__(self, sentence: str) -> HeardManner:

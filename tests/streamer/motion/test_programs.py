@@ -465,6 +465,9 @@ def test_a_named_repeat_is_never_of_another_motion(hearing: Hearing, say: str) -
         ("bow like an old man 3 times", [("bow", "old", 3.0)]),
         ("walk like an old man without turning", [("walk", "old", None)]),
         ("walk like an old man until I say stop", [("walk", "old", None)]),
+        ("walk like an old man back two steps", [("walk-back", "old", 2.0)]),
+        ("walk like an old man in a left turn", [("walk-turn-left", "old", None)]),
+        ("walk like an old man 2m", [("walk", "old", 2.0)]),
     ],
 )
 def test_what_is_said_behind_a_manner_is_done_too(
@@ -485,6 +488,8 @@ def test_what_is_said_behind_a_manner_is_done_too(
         ("walk like an old man up the stairs", "up the stairs"),
         ("walk like an old man in a circle", "a circle"),
         ("walk like an old man waving", "say which comes first"),
+        ("walk like an old man if you can", "cannot tell when"),
+        ("walk like an old man every five seconds", "say how often"),
         ("turn left like an old man but don't turn", "asked for and forbidden"),
     ],
 )
