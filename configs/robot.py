@@ -15,6 +15,7 @@ from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zer
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.get_up import read_get_up
 from flexmotion.configs.identification import apply_to_joints, identified
+from flexmotion.configs.robot_checks import check_numbers
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
 from flexmotion.configs.servo import Servo, find_servo
@@ -149,6 +150,7 @@ class Robot:
             self._body("hands.right.body", self.config.hands.right.body)
         if self.config.head is not None:
             self._body("head.body", self.config.head.body)
+        check_numbers(self)
         self.get_up = read_get_up(self)
 
     def __repr__(self) -> str:
