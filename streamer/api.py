@@ -234,7 +234,7 @@ def open_session(
         next_request: called before each tick (on the real clock every 20 ms); may read `session.state`, send targets
             and return a `Request`.
         on_event: called with every event as it happens.
-        log: file (.mcap) to record to; None: none.
+        log: file (.mcap) to record to, in place of a log that is there already, with its parts; None: none.
         foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         mirror: where frames of a person are received, for a source of `open_mirror`; None: a program publishes poses.
