@@ -16,6 +16,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.get_up import read_get_up
 from flexmotion.configs.identification import apply_to_joints, identified
 from flexmotion.configs.push_correction import read_push_correction
+from flexmotion.configs.robot_checks import check_numbers
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
 from flexmotion.configs.servo import Servo, find_servo
@@ -151,6 +152,7 @@ class Robot:
             self._body("hands.right.body", self.config.hands.right.body)
         if self.config.head is not None:
             self._body("head.body", self.config.head.body)
+        check_numbers(self)
         self.get_up = read_get_up(self)
         self.push_correction = read_push_correction(self)
 

@@ -9,7 +9,12 @@ from pydantic import ConfigDict, Field, model_validator
 from flexmotion.configs.schema import Strict
 from flexmotion.configs.versions import FormatVersions
 
+LONGEST_M = 3.0
+"""Longest distance within a robot that a file may say [m]; more is written in millimetres."""
+Metres = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M, description="[m]")]
 Vector = tuple[float, float, float]
+Point = tuple[Metres, Metres, Metres]
+HalfExtent = Annotated[float, Field(gt=0, le=0.5, description="[m]")]
 Quaternion = tuple[float, float, float, float]
 Name = Annotated[str, Field(min_length=1)]
 
@@ -70,8 +75,8 @@ class Foot(Strict):
     """A foot: body, centre of the sole in the body frame [m], and usable half extents of the sole in x, y [m]."""
 
     body: Name
-    sole: Vector
-    half_size: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+    sole: Point
+    half_size: tuple[HalfExtent, HalfExtent]
 
 
 class Feet(Strict):
@@ -85,7 +90,7 @@ class Hand(Strict):
     """A hand: body, and the point in the body frame that hand targets refer to [m]."""
 
     body: Name
-    point: Vector
+    point: Point
 
 
 class Hands(Strict):
@@ -99,7 +104,7 @@ class HeadPoint(Strict):
     """A body that the neck carries, or the torso, and the point in its frame that places of the head refer to [m]."""
 
     body: Name
-    point: Vector
+    point: Point
 
 
 class Imu(Strict):
@@ -116,7 +121,7 @@ class Imu(Strict):
     """
 
     body: Name
-    position: Vector = (0.0, 0.0, 0.0)
+    position: Point = (0.0, 0.0, 0.0)
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     driver: str | None = None
     id: int | None = Field(default=None, ge=0, le=252)
@@ -230,6 +235,9 @@ class Gait(Strict):
         return self
 
 
+UPRIGHT = 1.57
+"""A quarter of a turn [rad]: a torso tilted by more lies. More is written in degrees, and never reached."""
+
 EmergencyStop = Literal["freeze", "captured_stop", "crouch"]
 """What an emergency stop does at first; then the robot parks, and its torque goes off.
 
@@ -243,7 +251,7 @@ class SafetyLimits(Strict):
 
     Attributes:
         max_stale_reads: consecutive reads that a servo may miss before FAULT.
-        fall_tilt: torso tilt that counts as a fall [rad].
+        fall_tilt: torso tilt that counts as a fall, at most a right angle [rad].
         voltage_min: supply below which the robot parks [V].
         thermal_margin: a servo this close to its own shutdown parks the robot; at twice this margin it warns [°C].
         lost_bus_hold_s: how long a robot whose servos do not answer is held before it is lowered without measurements,
@@ -259,14 +267,14 @@ class SafetyLimits(Strict):
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
-    fall_tilt: float = Field(default=0.785, gt=0)
+    fall_tilt: float = Field(default=0.785, gt=0, le=UPRIGHT, description="[rad]")
     voltage_min: float | None = Field(default=None, gt=0)
     thermal_margin: float = Field(default=5.0, ge=0)
     lost_bus_hold_s: float = Field(default=1.0, ge=0, le=10)
     blocked_hold_s: float = Field(default=30.0, ge=0, le=600)
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
-    standing_margin: float = Field(default=0.15, ge=0)
+    standing_margin: float = Field(default=0.15, ge=0, le=UPRIGHT, description="[rad]")
     emergency_stop: EmergencyStop = "captured_stop"
 
 

@@ -26,11 +26,41 @@ _LOADER: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def yaml_content(text: str) -> Any:
-    """What a YAML document holds. Raises `yaml.YAMLError`, also where it is nested too deeply."""
+    """What a YAML document holds. Raises `yaml.YAMLError`, also for a key given twice and for too deep a nest."""
+    loader = _LOADER(text)
     try:
-        return yaml.load(text, Loader=_LOADER)
+        document = loader.get_single_node()
+        if document is None:
+            return None
+        _check_keys(document)
+        return loader.construct_document(document)
     except RecursionError as error:
         raise yaml.YAMLError("it is nested too deeply") from error
+    finally:
+        loader.dispose()
+
+
+def _check_keys(document: yaml.Node) -> None:
+    """Refuse a key that a mapping has twice: YAML forbids it, and PyYAML takes the last one."""
+    waiting, seen = [document], set[int]()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or not isinstance(node, yaml.CollectionNode):
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            waiting += node.value
+            continue
+        lines: dict[tuple[str, str], int] = {}
+        for key, value in node.value:
+            waiting.append(value)
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            named = (key.tag, key.value)
+            if named in lines:
+                problem = f"key {key.value!r} is given twice, first in line {lines[named]}"
+                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
+            lines[named] = key.start_mark.line + 1
 
 
 def read_yaml(file: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.legs import Leg, Legs
 from flexmotion.retarget.splines import Spline
+from flexmotion.retarget.stand_check import check_stand
 from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
@@ -29,12 +30,14 @@ class WholeBody:
     """Legs, upper body and dynamics of one robot, solved together over many rows.
 
     Raises:
-        RetargetError: the robot's legs or arms are of a kind that cannot be solved.
+        RetargetError: the robot's legs or arms are of a kind that cannot be solved, or its soles are not side by
+            side on one floor.
     """
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.legs = (Leg.of(robot, "left"), Leg.of(robot, "right"))
+        check_stand(robot)
         self._both_legs = Legs(self.legs)
         self.upper = UpperBody(robot)
         self.dynamics = RobotDynamics(robot, self.legs)

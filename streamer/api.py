@@ -15,6 +15,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.robot_checks import doubtful_numbers
 from flexmotion.configs.stream import StreamSettings, load_stream
 from flexmotion.configs.tunable import unusual_numbers
 from flexmotion.drivers.interface import Driver
@@ -22,6 +23,7 @@ from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.importers import load
+from flexmotion.retarget.stand_check import unbalanced
 from flexmotion.retarget.standing_load import overloaded
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.telemetry import Event
@@ -232,7 +234,7 @@ def open_session(
         next_request: called before each tick (on the real clock every 20 ms); may read `session.state`, send targets
             and return a `Request`.
         on_event: called with every event as it happens.
-        log: file (.mcap) to record to; None: none.
+        log: file (.mcap) to record to, in place of a log that is there already, with its parts; None: none.
         foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         mirror: where frames of a person are received, for a source of `open_mirror`; None: a program publishes poses.
@@ -276,8 +278,8 @@ def open_session(
     if mirror is not None:
         mirror_from(session, mirror)
     # Before the run only: once it has started, the loop is the ring's one writer.
-    weak = overloaded(robot)
-    remarks = [*unusual_numbers(robot), *([] if weak is None else [weak])]
+    found = [one for one in (overloaded(robot), unbalanced(robot)) if one is not None]
+    remarks = [*unusual_numbers(robot), *doubtful_numbers(robot), *found]
     for remark in (*remarks, *(source.remarks if isinstance(source, Performance) else ())):
         session.telemetry.emit(0, "note", remark)
     if log is not None:

@@ -154,6 +154,11 @@ def degree_of(words: list[str]) -> str:
     return ""
 
 
+def _ending(tokens: list[Token], phrases: tuple[str, ...]) -> str | None:
+    """The phrase that some tokens end with; the longest one."""
+    return next((phrase for phrase in phrases if tokens[-len(phrase.split()) :] == phrase.split()), None)
+
+
 def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     """The factor that adverbs put on the speed, these adverbs, and the tokens without them."""
     known = vocabulary()
@@ -169,9 +174,10 @@ def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
         if isinstance(token, str) and token in speeds:
             share = speeds[token]
             manner.append(token)
-            while rest and rest[-1] in known.words("amplifiers"):
-                said_before = rest.pop()
-                share = share**2 if said_before in known.words("strong") else share
+            while amplifier := _ending(rest, known.phrases("amplifiers")):
+                del rest[-len(amplifier.split()) :]
+                strong, weak = amplifier in known.words("strong"), amplifier in known.words("weak")
+                share = share ** (2.0 if strong else 0.5 if weak else 1.0)
             factor *= share
         else:
             rest.append(token)

@@ -19,9 +19,11 @@ from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
+from flexmotion.text.prompt_reader import WITHOUT_TURNING
 from flexmotion.text.questions import QUESTION, is_question
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
+from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, stripped, taught
 
 
@@ -39,9 +41,12 @@ def parse(sentence: str) -> tuple[Clause, ...]:
 
 
 def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:
-    """The sentence with a word in the place of each phrase."""
+    """The sentence with a word in the place of each phrase, and a comma behind those that something else follows."""
     for number, phrase in reversed(list(enumerate(phrases))):
-        sentence = f"{sentence[: phrase.start]}{_name(number)}{sentence[phrase.end :]}"
+        rest = sentence[phrase.end :]
+        # "Walk without turning" is one request.
+        comma = "," if phrase.cut and WITHOUT_TURNING.match(rest.lstrip()) is None else ""
+        sentence = f"{sentence[: phrase.start]}{_name(number)}{comma}{rest}"
     return sentence
 
 
@@ -112,6 +117,8 @@ def _with_adverbs(parts: list[Part]) -> list[Part]:
     """The parts, an opening adverb with the request that it is of: "at half the speed, walk forward"."""
     if len(parts) < 2 or parts[1].joint != "," or parts[0].dropped:
         return parts
+    if vocabulary().words("comparatives") & {token for token in parts[0].tokens if isinstance(token, str)}:
+        return parts  # "slower, hands up"
     tokens, (speed, _, rest) = parts[1].tokens, speed_of(stripped(parts[0].tokens))
     says_speed = speed != 1.0 or any(isinstance(token, Rate) for token in rest)
     if any(not isinstance(token, Rate) for token in rest) or not says_speed or clause_of(parts[1], False) is None:

@@ -10,6 +10,14 @@ from flexmotion.text.phrases import limbs, verbs
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 
+_LOWERED = re.compile(
+    r"(?:(?:please|now) )*(?:(?P<lowers>lower|drop|relax|(?:put|take|bring|let|get|pull) down) "
+    r"|(?:put|take|bring|let|get|pull|move) )?"
+    r"(?:(?:your|the|its) )?(?P<side>left|right|other) (?P<arm>hand|arm)"
+    r"(?P<down>(?: back)? (?:down|hang|sink|fall|drop|rest))?(?: (?:down|again|now|please|slowly|to your side))*\W*"
+)
+"""Words that ask to lower one arm."""
+
 _PLURAL = {"arm": "arms", "leg": "legs", "head": "head"}
 
 
@@ -35,6 +43,14 @@ def limb_refusal(sentence: str, kind: str) -> str | None:
         return None
     own = " and ".join(_PLURAL[group] for group in sorted(limbs(kind) or ()))
     return f"{verbs(kind)[0]!r} is a motion of the {own}, not of the {limb}"
+
+
+def lowered_arm(text: str) -> tuple[str, str] | None:
+    """The side and the name of the one arm that words ask to lower ("other", "hand"); None where they ask for none."""
+    found = _LOWERED.fullmatch(text.lower())
+    if found is None or not (found["lowers"] or found["down"]):
+        return None
+    return found["side"], found["arm"]
 
 
 def _named(sentence: str) -> Iterator[str]:

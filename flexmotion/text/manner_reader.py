@@ -52,6 +52,7 @@ class MannerReader:
         personal = sorted((name for name in offered if name not in manners()), key=len, reverse=True)
         self._names = {name.lower(): name for name in personal}
         # The longest first: "like Ada Lovelace" is another person than "like Ada".
+        manner_phrases("walk like an old man now")  # compiles its patterns: a live planner has no time for that
         self._personal = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, personal))})(?!\w)", re.IGNORECASE)
 
     def __call__(self, sentence: str) -> HeardManner:
@@ -75,7 +76,7 @@ class MannerReader:
 
     def _known(self, phrase: MannerPhrase) -> MannerPhrase:
         """The phrase with its manner; without one where nobody knows it."""
-        if phrase.manner is not None or self._listener is None:
+        if phrase.manner is not None or phrase.doubtful or self._listener is None:
             return phrase
         pieces = self._encode.pieces(phrase.text)
         heard, share = self._listener.heard(phrase.text, self._encode(phrase.text), pieces)

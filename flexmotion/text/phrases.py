@@ -14,6 +14,8 @@ STAND, WALK, BACK = "stand", "walk", "walk-back"
 """Kinds of motion: without a request; at a velocity without words, forward or sideways; at one backward."""
 TURNS = "walk-turn-left", "walk-turn-right"
 """Kinds of motion at a velocity that turns on the spot, to the left and to the right."""
+BOTH_UP = "raise-up-both-hands"
+"""Kind of motion in which one arm may be lowered and the other stays up."""
 
 
 @lru_cache

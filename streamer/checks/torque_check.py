@@ -85,6 +85,7 @@ class TorqueCheck(BaseModel):
     Attributes:
         supply_v: supply that it is judged at [V]; None: each servo's nominal one.
         lag_allowed_rad: see `allowed_lag`.
+        refused: words that were refused, so that nothing was planned for them; with one the result is not ok.
         failed: joints that are not ok, the worst first.
         worst: the joint with the largest lag, or closest to its envelope.
     """
@@ -98,6 +99,7 @@ class TorqueCheck(BaseModel):
     duration_s: Figure
     supply_v: Maybe
     lag_allowed_rad: Figure
+    refused: tuple[str, ...] = ()
     failed: tuple[str, ...]
     worst: str
     joints: dict[str, JointTorque]
@@ -107,7 +109,9 @@ class TorqueCheck(BaseModel):
         return self.model_dump_json(by_alias=True, indent=2)
 
 
-def check_trajectory(trajectory: Trajectory, robot: Robot, source: str, supply: float | None = None) -> TorqueCheck:
+def check_trajectory(
+    trajectory: Trajectory, robot: Robot, source: str, supply: float | None = None, refused: tuple[str, ...] = ()
+) -> TorqueCheck:
     """Compare the torque of every joint and tick with its servo's envelope, and its RMS with the servo's heat.
 
     The torques are those that the plans carry to the loop: inverse dynamics under the planned ground forces. A joint
@@ -116,6 +120,7 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, source: str, supply: 
 
     Args:
         supply: voltage at the servos [V]; None: nominal.
+        refused: words of the source that were refused.
     """
     envelope = Envelope.of(robot).at(supply)
     torque, speed, rate = trajectory.torque, trajectory.qd, trajectory.rate_hz
@@ -151,12 +156,13 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, source: str, supply: 
         )
     order = sorted(joints, key=lambda name: (joints[name].ok, -joints[name].lag_rad, -joints[name].peak_load))
     return TorqueCheck(
-        ok=all(joint.ok for joint in joints.values()),
+        ok=not refused and all(joint.ok for joint in joints.values()),
         robot=robot.name,
         source=source,
         duration_s=trajectory.duration,
         supply_v=supply,
         lag_allowed_rad=allowed,
+        refused=refused,
         failed=tuple(name for name in order if not joints[name].ok),
         worst=order[0],
         joints=joints,

@@ -53,6 +53,8 @@ def _verdict(check: TorqueCheck) -> str:
     where = f"{check.robot}, {check.source}, {check.duration_s:.1f} s"
     where += "" if check.supply_v is None else f" at {check.supply_v:g} V"
     allowed = show(check.lag_allowed_rad, "°", math.degrees(1), 1)
+    if check.refused:
+        return f"{where}: {', '.join(map(repr, check.refused))} was refused, and so not checked"
     if not check.ok:
         joints = "one joint" if len(check.failed) == 1 else f"{len(check.failed)} joints"
         return f"{where}: {joints} of {len(check.joints)} cannot follow (a lag of {allowed} is allowed)"

@@ -80,7 +80,9 @@ def choose_source(
     if len(given) > 1:
         raise typer.BadParameter(f"{' and '.join(given)} exclude each other; give one")
     if clips and not listens:
-        raise typer.BadParameter("--clips are for targets of other programs: give --web or --stdin too")
+        raise typer.BadParameter(
+            "--clips are for targets of other programs, which `flexmotion run` takes with --web or --stdin"
+        )
     if clips and clip is not None:
         raise typer.BadParameter("--clips and --clip exclude each other: a clip that is followed takes no targets")
     if clip is not None:
@@ -101,9 +103,16 @@ def choose_source(
     if bundle is None and shipped_bundle() is None:
         return _clips(robot, choose_motion(), None, None, seconds)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:
-        return _model(
-            robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless, clips
+        items = load_script(path)
+    source = _model(robot, items, "model:default", "the default script", bundle, seed, seconds, endless, clips)
+    if not isinstance(source, ModelSource):
+        return source
+    if lacks := [one.asked for one in source.heard_items if one.state == "refused"]:
+        raise typer.BadParameter(
+            f"the built-in script asks for {', '.join(map(repr, lacks))}, which bundle {source.sampler.name} does not "
+            "offer: give --prompt or --script (`flexmotion bundles` lists what it does)"
         )
+    return source
 
 
 def choose_mirror(
@@ -211,7 +220,7 @@ def _needs_model(bundle: Path | None, asker: str) -> None:
 
 def _needs_no_model(bundle: Path | None) -> None:
     if bundle is not None:
-        raise typer.BadParameter("--bundle: clips need no model; give --prompt, a --script of text, or nothing")
+        raise typer.BadParameter("--bundle: clips need no model; leave out --bundle, or the clips")
 
 
 def _model(

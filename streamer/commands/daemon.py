@@ -78,6 +78,10 @@ def unit(options: list[str], user: str) -> str:
     if given.isdisjoint(("--arm", "--no-arm")):
         whole.append("--no-arm")  # a motion that is given would else begin when somebody powers the robot
     words = [*map(_quoted, [*_program(), "run", *whole])]
+    if read["log"] is not None and Path(read["log"]).suffix == ".mcap":
+        raise typer.BadParameter(
+            f"--log: {read['log']}: expected a folder: a daemon's second start would find a log there"
+        )
     if given.isdisjoint(("--log", "--report")):
         words += ["--log", _LOGS]
     template = Template((files("flexmotion.streamer.commands") / "flexmotion.service").read_text(encoding="utf-8"))

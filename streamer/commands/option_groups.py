@@ -232,8 +232,8 @@ class RunOptions:
         """Context of what the run writes, entered before anything is loaded: a second run by mistake ends at once.
 
         Raises:
-            ConfigError: another run writes to the same log, or into the same report; or a video is asked for without a
-                report, or without its extra.
+            ConfigError: another run writes to the same log, or into the same report; the log exists already; or a video
+                is asked for without a report, or without its extra.
         """
         if self.video:
             from flexmotion.configs.errors import ConfigError
@@ -243,8 +243,10 @@ class RunOptions:
                 raise ConfigError("--video films a run for its report: give --report DIR too")
             check_video()
         from flexmotion.streamer.log.lock import locked_folder, refuse_locked
+        from flexmotion.streamer.log.parts import refuse_existing
 
         refuse_locked(self.log)
+        refuse_existing(self.log)
         with locked_folder(self.report):
             yield
 

@@ -140,7 +140,7 @@ LogOption = Annotated[
     Path | None,
     typer.Option(
         "--log",
-        help="Log of the run (.mcap), or a folder for it; if not given, beside the report.",
+        help="Log of the run, a new file (.mcap), or a folder for it; if not given, beside the report.",
         show_default=False,
     ),
 ]

@@ -53,10 +53,12 @@ def show(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import list_robots, load_robot
+    from flexmotion.configs.robot_checks import doubtful_numbers
     from flexmotion.configs.stream import load_stream
     from flexmotion.configs.tunable import unusual_numbers
     from flexmotion.retarget.footsteps import short_sight
     from flexmotion.retarget.legs import SIDE_NAMES, Leg
+    from flexmotion.retarget.stand_check import unbalanced
     from flexmotion.retarget.standing_load import overloaded
 
     if robot is not None:
@@ -64,7 +66,8 @@ def show(
         for side in SIDE_NAMES:
             Leg.of(chosen, side)
         short = short_sight(chosen, load_stream())
-        warnings = [*unusual_numbers(chosen), *(one for one in (short, overloaded(chosen)) if one is not None)]
+        found = (short, overloaded(chosen), unbalanced(chosen))
+        warnings = [*unusual_numbers(chosen), *doubtful_numbers(chosen), *(one for one in found if one is not None)]
         if as_json:
             print_json(_detail(chosen) | {"warnings": warnings})
         else:
@@ -73,14 +76,14 @@ def show(
             told = [_pace(chosen), _scale(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]
             print_result("\n".join(["", *told]))
         return
-    found = [load_robot(name) for name in list_robots()]
+    shipped = [load_robot(name) for name in list_robots()]
     if as_json:
-        print_json([_summary(each) for each in found])
+        print_json([_summary(each) for each in shipped])
         return
     table = Table(box=None, pad_edge=False, header_style="dim")
     for column in ("robot", "joints", "mass", "loop", "servos", "description"):
         table.add_column(column)
-    for each in found:
+    for each in shipped:
         servos = ", ".join(f"{count} {model}" for model, count in _servos(each).items())
         rate, mass = f"{each.rate_hz:g} Hz", f"{each.mass:.2f} kg"
         table.add_row(each.name, str(each.n), mass, rate, servos, each.config.description)

@@ -322,6 +322,7 @@ class Desk:
             part=None if part == WHOLE_BODY or part is None else part.removeprefix(PLACE_OF),
             tick=heard.tick,
             heard_as=heard.heard_as,
+            manner=heard.manner,
             certainty=None if heard.certainty is None else round(heard.certainty, 3),
             slowed=heard.slowed,
             moved=heard.moved,

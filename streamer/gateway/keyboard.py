@@ -203,7 +203,7 @@ def _line(answer: Answer, message: Mapping[str, Any]) -> str:
         asked = f"{forward:g} m/s ahead, {left:g} m/s aside, {turning:g} rad/s" if any(message["velocity"]) else "stand"
     else:
         asked = str(message.get("text", message["type"]))
-    heard = answer.heard_as if message["type"] == "text" else None
+    heard = ", ".join(filter(None, (answer.heard_as, answer.manner))) if message["type"] == "text" else None
     parts = [f"{asked}: {answer.state}", f"heard as {heard}" if heard else None, answer.slowed, answer.reason]
     return ", ".join(part for part in parts if part)
 

@@ -252,6 +252,7 @@ class Answer(BaseModel):
         part: of the body, that a target is for; None: the whole body, or no target.
         tick: of the loop, from which on it acts.
         heard_as: kinds of motion that the words were taken for, in the order in which they are done.
+        manner: in which they are done, in the same order; None: in the normal one.
         certainty: share of that kind in what the listener heard, in [0, 1].
         slowed: speeds that the human is slowed to, so that the robot keeps up; of a part, when it is there.
         moved: place, direction or angle that a part is moved to.
@@ -274,6 +275,7 @@ class Answer(BaseModel):
     part: str | None = None
     tick: int | None = None
     heard_as: str | None = None
+    manner: str | None = None
     certainty: float | None = None
     slowed: str | None = None
     moved: str | None = None

@@ -19,6 +19,7 @@ from typing import Any
 from fastapi import FastAPI, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.routing import APIRoute
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from flexmotion.streamer.gateway.admission import Admission
@@ -192,6 +193,9 @@ def build_app(
         except TimeoutError:
             desk.reject("slow sender")
             return _answer(Answer(state="refused", reason=f"the message was not complete after {_BODY_S:g} s"), 408)
+        except ClientDisconnect:
+            desk.reject("left")
+            return Response(status_code=400)  # nobody reads it
         if data is not None and kind is not None:
             data = _typed(data, kind)
         answered: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
 import time
+import weakref
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -11,12 +14,16 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from flexmotion.configs.robot import Robot
+from flexmotion.configs import calibration, get_up, identification, push_correction
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.schema import Strict, parse
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.configs.versions import FormatVersions
 
 _NAME = "flexmotion.log/"
+_ROBOT = "robot/"
+"""Begin of the attachments' names that are files of the robot."""
 LOG_VERSIONS = FormatVersions(kind="log", oldest=1, newest=1, migration="open it with {writer}", field="flexmotion.log")
 """Versions that are read, the newest is written; `docs/log.md` lists what changed."""
 SCHEMA = f"{_NAME}{LOG_VERSIONS.newest}"
@@ -110,5 +117,39 @@ def begin_header(name: str, robot: Robot, **about: Any) -> LogHeader:
 
 
 def robot_files(robot: Robot) -> dict[str, bytes]:
-    """The robot file and its MJCF by attachment name, as they are now."""
-    return {f"robot/{file.name}": file.read_bytes() for file in (robot.file, robot.folder / robot.config.mjcf)}
+    """The robot file, its MJCF and what was measured of the robot by attachment name, as they are now."""
+    beside = [
+        file
+        for own in (calibration, identification, get_up, push_correction)
+        if (file := robot.folder / own.FILE).is_file()
+    ]
+    files = (robot.file, robot.folder / robot.config.mjcf, *beside)
+    return {f"{_ROBOT}{file.name}": file.read_bytes() for file in files}
+
+
+def attached_robot(name: str, files: Mapping[str, bytes], origin: Path) -> Robot:
+    """The robot that a log holds; its files are kept in a temporary folder as long as it is.
+
+    Args:
+        name: of the folder that it was in.
+        files: attachments of the log, by name.
+        origin: the log, for messages.
+
+    Raises:
+        ConfigError: the log lacks the robot, or files that its MJCF names, such as meshes.
+    """
+    place = Path(tempfile.mkdtemp(prefix="flexmotion-log-"))
+    folder = place / Path(name).name
+    folder.mkdir()
+    for attachment, content in files.items():
+        if attachment.startswith(_ROBOT):
+            (folder / Path(attachment).name).write_bytes(content)
+    try:
+        robot = load_robot(folder)
+    except ConfigError as error:
+        shutil.rmtree(place, ignore_errors=True)
+        raise ConfigError(
+            f"{origin}: there is no robot {name!r} any more, and its files in the log are not enough: {error}"
+        ) from error
+    weakref.finalize(robot, shutil.rmtree, place, ignore_errors=True)
+    return robot

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.robot import Robot, list_robots, load_robot
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.log.header import LogHeader
+from flexmotion.streamer.log.header import LogHeader, attached_robot
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
 from flexmotion.streamer.report.likeness import likeness
@@ -24,7 +25,7 @@ class Subject:
     """The robot and the human of a log.
 
     Attributes:
-        robot: the robot as installed now; see `Log.changed_files`.
+        robot: the robot as installed now, see `Log.changed_files`; where its folder is gone, as the log holds it.
         motion: motion of the human; None if the source followed targets, or is not in the log.
     """
 
@@ -36,7 +37,9 @@ class Subject:
     @classmethod
     def of(cls, log: Log) -> Subject:
         """From the log and the robot's files. Raises `ConfigError`, `MotionFormatError`."""
-        robot = load_robot(log.header.robot)
+        name = log.header.robot
+        gone = name not in list_robots() and not Path(name).is_dir()
+        robot = attached_robot(name, log.files, log.path) if gone else load_robot(name)
         motion = _human(log)
         figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
         steps = None if motion is None else count_steps(motion)

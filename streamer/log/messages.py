@@ -119,6 +119,7 @@ HEARD_SCHEMA = {
         "asked": {"type": "string"},
         "state": {"type": "string", "description": "accepted, slowed, moved, partly, refused"},
         "heard_as": {"type": ["string", "null"], "description": "kinds of motion"},
+        "manner": {"type": ["string", "null"], "description": "in which they are done, in the same order"},
         "certainty": {"type": ["number", "null"], "description": "the listener's share of that kind"},
         "slowed": {"type": ["string", "null"]},
         "moved": {"type": ["string", "null"], "description": "place, direction or angle that a part was moved to"},

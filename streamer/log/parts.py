@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import LogParts
 
 _NUMBER = re.compile(r"\.part(\d{4,})$")
@@ -31,6 +32,19 @@ def later_parts(first: Path) -> list[Path]:
     named = re.compile(re.escape(first.stem) + r"\.part\d{4,}" + re.escape(first.suffix))
     found = (path for path in first.parent.iterdir() if named.fullmatch(path.name) and path.is_file())
     return sorted(found, key=part_number)
+
+
+def refuse_existing(first: Path | None, option: str = "--log") -> None:
+    """Raise `ConfigError` where a log would replace another one, or the later parts of one; None: no log."""
+    if first is None or first.suffix != ".mcap" or first.is_dir():
+        return  # a folder, or a name that is refused as such
+    there = [path for path in (first, *later_parts(first)) if path.is_file() and path.stat().st_size]
+    if there:
+        more = f" and {len(there) - 1} more of its parts" if len(there) > 1 else ""
+        raise ConfigError(
+            f"{option}: {there[0]}{more}: there is a log already, which would be lost; choose another name, give a "
+            "folder, in which each run gets a file of its own, or remove it first"
+        )
 
 
 class Rotation:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from zstandard import ZstdError
@@ -53,7 +53,7 @@ class Log:
         heard: the answers, each in its newest version; none in logs of older versions.
         persons: rows of `flexmotion.streamer.motion.person_channel.PersonRow`; none where nobody was mirrored.
         files: attachments by name.
-        whole: whether the log was closed; if not, it ends where writing ended.
+        whole: whether all of its data is there; if not, it ends where writing ended.
         parts: its files, in order.
         missing: numbers of parts that were removed between them.
     """
@@ -119,18 +119,18 @@ def read_log(path: str | Path) -> Log:
 
 
 def _read(path: Path, content: _Content) -> bool:
-    """Read a file; returns whether it was closed. Raises as `read_log` does."""
-    whole = False
+    """Read a file; returns whether all of its data is there. Raises as `read_log` does."""
     try:
         with open(path, "rb") as file:
             for record in _records(StreamReader(file, validate_crcs=True)):
-                whole = whole or isinstance(record, Footer)
                 content.take(record)
+                if isinstance(record, DataEnd):
+                    return True  # what follows is an index of it, which may be cut off or damaged
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (McapError, ZstdError, ValueError, KeyError, struct.error) as error:
         raise ConfigError(f"{path}: damaged, or not a log of FlexMotion (an .mcap file, as --log writes it)") from error
-    return whole
+    return False
 
 
 def _records(reader: StreamReader) -> Iterator[McapRecord]:

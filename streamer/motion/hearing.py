@@ -14,7 +14,7 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
-from flexmotion.streamer.motion.measured_steps import RefusedError, at_rate, fits, measured
+from flexmotion.streamer.motion.measured_steps import NothingChangesError, RefusedError, at_rate, fits, measured
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
@@ -22,9 +22,11 @@ from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.ellipsis import other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
+from flexmotion.text.limbs import lowered_arm
+from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.phrases import STAND, limbs, moves_head
+from flexmotion.text.phrases import BOTH_UP, STAND, limbs, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
@@ -87,6 +89,8 @@ class Hearing:
         return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text=words, heard_as=STAND)),), heard)
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
+        if (way := manner_alone(sentence)) is not None:
+            return self._in_manner(sentence, way, under_way)
         clauses = self._requests(sentence)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
@@ -95,10 +99,11 @@ class Hearing:
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
+            several = len([clause for clause in clauses if not _changes_last(clause)]) > 1
             for clause in wanted:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
-                steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
+                steps += self._steps(clause, several, steps, under_way, last)
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
                     notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
@@ -106,6 +111,11 @@ class Hearing:
                 notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
+        except NothingChangesError as refused:
+            if under_way is None:
+                return self._refused(sentence, str(refused), dropped)
+            heard = Heard(asked=sentence, state="refused", reason=f"{refused}; it goes on", certainty=1.0)
+            return replace(under_way, heard=heard)
         except RefusedError as refused:
             return self._refused(sentence, str(refused), dropped)
         if not steps:
@@ -246,12 +256,51 @@ class Hearing:
             asked=sentence,
             state="partly" if clause.dropped else "accepted",
             heard_as=", ".join(step.kind for step in steps),
+            manner=_manners(steps),
             certainty=1.0,
             dropped=clause.dropped,
             notes=(f"now at a human's {told}",),
             steps=tuple(step.told for step in steps),
         )
         return Program(tuple(steps), heard, under_way.number)
+
+    def _in_manner(self, sentence: str, way: str, under_way: Program | None) -> Program:
+        """What is under way in another manner, which goes on where it is.
+
+        Args:
+            way: the words that say the manner.
+        """
+        step = None if under_way is None else under_way.steps[0]
+        if under_way is None or step is None or step.kind == STAND or step.is_still:
+            reason = f"{sentence!r} says only how; say what to do as well, as in 'walk {way}'"
+            return self._refused(sentence, reason, ())
+        kept = step.told.text
+        text = f"{without_phrases(kept, manner_phrases(kept))} {way}"
+        prompt = self.model.prompt(text)
+        walks = under_way.is_open and (step.turn or step.axis != (0, 0)) and isinstance(step.intent, Text | Velocity)
+        if not walks or prompt.kind != step.kind or prompt.manner == NORMAL or prompt.dropped:
+            which = "the model has no such manner" if walks and prompt.dropped else f"say all of it, as in {text!r}"
+            reason = f"{sentence!r}: {step.kind} is not changed to that manner: {which}; it goes on"
+            return replace(under_way, heard=Heard(asked=sentence, state="refused", reason=reason, certainty=1.0))
+        intent: Intent
+        if isinstance(step.intent, Velocity):
+            velocity = step.intent.forward, step.intent.left, step.intent.turning
+            intent, asked = replace(step.intent, manner=prompt.manner), Condition(velocity=velocity, pace=self.pace)
+        else:
+            intent, asked = Text(text), Condition(text, pace=self.pace)
+        slowed = self.speeds.slowed(asked)
+        told = step.told.model_copy(update={"text": text, "manner": prompt.manner, "slowed": slowed})
+        heard = Heard(
+            asked=sentence,
+            state="accepted" if slowed is None else "slowed",
+            heard_as=step.kind,
+            manner=prompt.manner,
+            certainty=_rounded(prompt),
+            slowed=slowed,
+            notes=("it goes on in that manner",),
+            steps=(told,),
+        )
+        return Program((replace(step, intent=intent, told=told),), heard, under_way.number)
 
     # ------------------------------------------------------------ from a clause to its steps
 
@@ -299,6 +348,7 @@ class Hearing:
                 return [self._measured(changed, usual_amount(changed, 1), 1)]
             before[-1] = changed
             return []
+        clause = self._lowering(clause, before or ([] if under_way is None else list(under_way.steps)))
         return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
@@ -361,6 +411,28 @@ class Hearing:
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
+
+    def _lowering(self, clause: Clause, done: Sequence[Step]) -> Clause:
+        """The clause with what leaves one arm down and the other as it is, where it asks to lower one."""
+        lowered = lowered_arm(clause.text)
+        if lowered is None:
+            return clause
+        (side, arm), kind = lowered, done[-1].kind if done else STAND
+        down = replace(clause, text="lower your arms")
+        if kind == STAND:
+            return down
+        raised = sides(kind) if "arm" in (limbs(kind) or ()) else frozenset()
+        if "arm" not in (limbs(kind) or ()):
+            raise NothingChangesError(f"{clause.said!r}: {kind} raises no arm")
+        if raised and side not in raised:
+            raise NothingChangesError(f"{clause.said!r}: {kind} does not raise the {side} {arm}")
+        if raised:
+            return down
+        if side == "other":
+            raise NothingChangesError(f"{clause.said!r}: which {arm}? say left or right")
+        if kind == BOTH_UP:
+            return replace(clause, text=f"raise your {'right' if side == 'left' else 'left'} hand")
+        raise NothingChangesError(f"{clause.said!r}: {kind} is no motion of that {arm} alone; say 'lower your arms'")
 
     def _with_limb(self, clause: Clause, done: Sequence[Step]) -> Clause:
         """The clause with the side of "the other hand": not that of the last gesture which one hand made."""
@@ -452,6 +524,11 @@ def _covers(forbidden: str, kind: str) -> bool:
     if forbidden in ("run", "dash"):
         return kind in ("run", "dash")
     return forbidden == kind
+
+
+def _changes_last(clause: Clause) -> bool:
+    """Whether a clause changes the speed of the motion before it, and asks for none of its own: "walk, slowly"."""
+    return clause.asks in (Asks.FASTER, Asks.SLOWER) and clause.joint != "then"
 
 
 def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:

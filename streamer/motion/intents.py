@@ -60,12 +60,12 @@ class Velocity:
     """Move at a velocity in the human's heading frame: forward, left [m/s], turning left [rad/s].
 
     Attributes:
-        manner: in which to move; None: the normal one. A sentence says it; targets, scripts and logs hold velocities
-            without one.
+        manner: in which to move; None: the normal one. A sentence says it; targets, script files and logs hold
+            velocities without one, and a target with one is refused.
         paced: whether it is slowed to the robot's pace; what makes up for the model's errors is not.
 
     Raises:
-        ConfigError: a value is not a finite number, or beyond `FASTEST`.
+        ConfigError: a value is not a finite number, or beyond `FASTEST`, or the manner is no name.
     """
 
     forward: float
@@ -82,6 +82,8 @@ class Velocity:
         if any(abs(number) > fastest for number, fastest in zip(value, FASTEST, strict=True)):
             limits = ", ".join(f"±{limit:g}" for limit in FASTEST)
             raise ConfigError(f"{_EXPECTED_VELOCITY} within [{limits}], found {value!r}")
+        if self.manner is not None:
+            require_words("velocity: manner", self.manner, "the name of a manner")
 
 
 @dataclass(frozen=True)

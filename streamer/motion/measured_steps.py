@@ -23,6 +23,10 @@ class RefusedError(Exception):
     """A request that cannot be done, with the reason."""
 
 
+class NothingChangesError(RefusedError):
+    """One that asks for nothing that the robot could do now, and lets it go on with what it does."""
+
+
 def fits(step: Step) -> tuple[Quantity, ...]:
     """Quantities in which a motion is measured."""
     if step.turn:

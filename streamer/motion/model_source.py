@@ -26,6 +26,7 @@ from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sequence import turned_to
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.motion.undo import Undo
+from flexmotion.text.manners import NORMAL
 
 _REACHED_S = 1.0
 """A pose counts as reached this long after it was asked for [s]: about one window of the model. A hand that is slower
@@ -438,6 +439,9 @@ class ModelSource:
                 raise ConfigError(
                     f"{word_of(intent)}: model {self.sampler.name} follows no velocity, expected: text, stop"
                 )
+            case Velocity(manner=str(manner)) if manner not in (NORMAL, *self.sampler.requests.manners):
+                offered = ", ".join(dict.fromkeys((NORMAL, *self.sampler.requests.manners)))
+                raise ConfigError(f"velocity: manner {manner!r}, model {self.sampler.name} offers: {offered}")
             case Clip():
                 self._clips.require(intent)
 

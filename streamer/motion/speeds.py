@@ -86,9 +86,12 @@ class Speeds:
         return step.intent.manner if isinstance(step.intent, Velocity) else step.told.manner
 
     def _velocity(self, step: Step) -> tuple[float, float, float] | None:
-        """Velocity of a step's human; None where it has none."""
+        """Velocity of a step's human, of words within the pace as well; None where it has none."""
         asked = self._asked(step)
-        return None if asked is None or not self.model.follows_velocity else self.model.meant(asked).velocity
+        if asked is None or not self.model.follows_velocity:
+            return None
+        own = self.model.own_velocity(self.model.meant(asked))
+        return own if own is not None and any(own) else None
 
     def _asked(self, step: Step) -> Condition | None:
         """What a step asks of the model; None where it is neither words nor a velocity."""

@@ -128,7 +128,7 @@ class TargetSender:
             holds_s, take_up_s: see `Target`.
 
         Raises:
-            ConfigError: its text or name is too long, or a time is not positive.
+            ConfigError: its text or name is too long, a time is not positive, or a velocity has a manner.
         """
         if not (holds_s > 0.0 and take_up_s > 0.0):
             raise ConfigError(f"target: holds_s {holds_s} and take_up_s {take_up_s}: expected positive times [s]")
@@ -142,7 +142,12 @@ class TargetSender:
                         word = word_of(intent)
                         raise ConfigError(f"target: {word}: {len(encoded)} bytes, expected at most {_TEXT_BYTES}")
                     row.text[...] = encoded
-                case Velocity(forward, left, turning):
+                case Velocity(forward, left, turning, manner):
+                    if manner is not None:
+                        raise ConfigError(
+                            f"target: velocity: manner {manner!r}: a target's velocity has the normal manner; say "
+                            'the manner in words, such as Text("walk like an old man at 0.5 m/s")'
+                        )
                     row.velocity[...] = forward, left, turning
                 case Heading(heading, turning):
                     row.goal[:2] = heading, _or_nan(turning)

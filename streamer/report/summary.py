@@ -236,6 +236,7 @@ def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
         notes = [
             heard.reason and short(heard.reason),
             heard.slowed and f"slowed to {heard.slowed}",
+            heard.manner and f"manner: {heard.manner}",
             *heard.notes,
             *done,
         ]

@@ -10,6 +10,7 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import ROBOTS, Robot, list_robots, load_robot
+from flexmotion.configs.robot_checks import doubtful_numbers
 from flexmotion.configs.versions import FormatVersions
 
 Edit = Callable[[dict[str, Any]], Any]
@@ -78,6 +79,17 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
         (lambda c: c["rest_pose"].update(l_knee=3.0), r"rest_pose\.l_knee: 3 is outside the joint's limits"),
         (lambda c: c["gait"].update(walk_hip_height=0.5), "gait: expected min_hip_height <= walk_hip_height"),
         (lambda c: c.update(mjcf="none.xml"), "mjcf: no such file"),
+        # Regression: all of these were accepted without a word.
+        (lambda c: c["imu"].update(bus="mian"), r"imu\.bus: unknown bus 'mian', expected one of: main"),
+        (lambda c: c["imu"].update(position=[-15, 0, 60]), r"imu\.position\.0: -15, expected -3 to 3 \[?m"),
+        (lambda c: c["feet"]["left"].update(half_size=[57, 38.7]), r"feet\.left\.half_size\.0: 57, expected .*0\.5"),
+        (lambda c: c["feet"]["right"].update(sole=[24, -12.8, -30.5]), r"feet\.right\.sole\.0: 24, expected -3 to 3 m"),
+        (lambda c: c["safety"].update(standing_margin=3), r"safety\.standing_margin: 3, expected 0 to 1\.57 rad"),
+        (
+            lambda c: c["safety"].update(soft_start_speed=1e6),
+            r"safety\.soft_start_speed: 1e\+06 rad/s, expected at most 4\.8",
+        ),
+        (lambda c: c["safety"].update(voltage_min=24), r"safety\.voltage_min: 24 V, expected less than 14\.8"),
     ],
 )
 def test_a_contradiction_is_named(spoiled: Callable[[Edit], Path], edit: Edit, says: str) -> None:
@@ -85,6 +97,32 @@ def test_a_contradiction_is_named(spoiled: Callable[[Edit], Path], edit: Edit, s
         load_robot(spoiled(edit))
     assert "\n" not in str(error.value)
     assert "robot.yaml" in str(error.value)
+
+
+def test_a_tilt_of_fall_in_degrees_is_refused(spoiled: Callable[[Edit], Path]) -> None:
+    """`fall_tilt: 45` was accepted without a word: a robot on its back did not count as fallen, and kept its torque."""
+    with pytest.raises(ConfigError, match=r"field safety\.fall_tilt: 45, expected more than 0 and 1\.57 at most rad"):
+        load_robot(spoiled(lambda content: content["safety"].update(fall_tilt=45)))
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (
+            lambda c: c["safety"].update(voltage_min=12.5),
+            "field safety.voltage_min: 12.5 V, expected less than 12, the",
+        ),
+        (lambda c: c["gait"]["pace"].update(reached=0.9), "field gait.pace.reached: 0.9 m/s, expected at most 0.23"),
+    ],
+)
+def test_a_number_that_is_hardly_meant_is_told(spoiled: Callable[[Edit], Path], edit: Edit, says: str) -> None:
+    """These were run without a word: a robot that parks at once, a speed that is never used."""
+    (told,) = doubtful_numbers(load_robot(spoiled(edit)))
+    assert says in told
+
+
+def test_the_shipped_robots_have_no_doubtful_number() -> None:
+    assert [doubtful_numbers(load_robot(name)) for name in list_robots()] == [()] * len(list_robots())
 
 
 def test_a_file_without_version_is_read_as_version_1(spoiled: Callable[[Edit], Path]) -> None:

@@ -21,6 +21,8 @@ class Engine(Strict):
         ("power: " + 5000 * "[", "not valid YAML"),
         ("- power", "expected a mapping of fields, found list"),
         ("", "expected a mapping of fields, found NoneType"),
+        # Regression: the last one was taken, without a word.
+        ("power: 1\nname: a\npower: 2", "line 3: not valid YAML: key 'power' is given twice, first in line 1"),
         ("power: fast", "field power: Input should be a valid number"),
         ("name: a", "field power: missing"),
         ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),

@@ -46,6 +46,7 @@ class StubSampler:
         self.fps, self.history, self.future, self.remembers, self.unsettled = 30.0, 8, 32, 10, 6
         self.name, self.follows_velocity, self.body = "stub", follows_velocity, Body()
         self.requests, self.travelling_noise, self.kinds = self, 1.0, ("stand", "walk")
+        self.manners = ("normal", "old")
         self.free = Constraints.none(Layout(self.fps), self.body, self.future)
         self.prepared = False
         self.asked: list[Asked] = []

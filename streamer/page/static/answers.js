@@ -32,16 +32,16 @@ function outcome({ state, answer, text, ended }) {
 
 // {steps: [{text, end, done}], notes: [text], problem, tries: [text], more: text} of an entry; `kinds`: all that the model can do.
 export function told(entry, own, kinds = []) {
-  const { heard_as, certainty, slowed, moved, dropped, notes, reason, steps = [] } = entry.answer;
+  const { heard_as, manner, certainty, slowed, moved, dropped, notes, reason, steps = [] } = entry.answer;
   const found = { steps: [], notes: [], problem: "", tries: [], more: "" };
   if (reason) Object.assign(found, why(reason, kinds, entry.broke));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
     found.steps = steps.map((step) => ({
-      text: [plain(step.heard_as ?? step.text), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
+      text: [mannered(step.heard_as ?? step.text, step.manner), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
       end: ENDS[step.end] ?? "", done: step.end === "done",
     }));
   } else if (heard_as && plain(heard_as) !== entry.text && !entry.stick && !entry.goal) {
-    found.notes.push(`heard as ${plain(heard_as)}${certainty < UNSURE ? ", but not sure" : ""}`);
+    found.notes.push(`heard as ${mannered(heard_as, manner)}${certainty < UNSURE ? ", but not sure" : ""}`);
   }
   if (dropped?.length) found.notes.push(`not done: ${dropped.join(", ")}`);
   if (slowed) found.notes.push(`slowed to ${slowed}`);
@@ -49,6 +49,11 @@ export function told(entry, own, kinds = []) {
   found.notes.push(...(notes ?? []));
   if (entry.source && entry.source !== own) found.notes.push(`by ${entry.source}`);
   return found;
+}
+
+// A kind of motion, in its manner.
+function mannered(heard_as, manner) {
+  return [plain(heard_as), ...(manner ? [manner] : [])].join(", ");
 }
 
 // A reason; where it names what the model can do, that apart, and what to try instead. broke: the entry that it ended.

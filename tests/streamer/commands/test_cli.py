@@ -134,6 +134,11 @@ BAD_USAGE = {
     "two sources": (["dry-run", "--clip", "a.bvh", "--script", "b"], "--clip and --script exclude each other"),
     "no bundle": (["dry-run", "--prompt", "wave", "--bundle", "none"], "none: no bundle there"),
     "bundle for a clip": (["dry-run", "--clip", "a.npz", "--bundle", "none"], "a.npz: cannot be read"),
+    "beyond the servos": (["check", "torque", "--supply", "60"], "--supply: 60 V, expected at most 14.8, for servo XM"),
+    "clips for nobody": (
+        ["check", "torque", "--clips", __file__],
+        "which `flexmotion run` takes with --web or --stdin",
+    ),
     "bundle to switch clips": (["check", "latency", "-c", "a", "--bundle", "b"], "--bundle: clips need no model"),
     "perturbation": (["dry-run", "--perturb", "wind=3"], "field wind: unknown field, expected one of: seed, timestep"),
     "no value": (["dry-run", "--perturb", "friction"], "expected KEY=VALUE, found 'friction'"),
@@ -429,9 +434,20 @@ def test_retarget(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_torque_check_of_refused_words_fails(capsys: pytest.CaptureFixture[str]) -> None:
-    """It judged the standing robot, and passed."""
+    """It judged the standing robot, and passed; later it said PASS and `"ok": true`, with exit code 1."""
     assert run("check", "torque", "--prompt", "walk sideways", "--seconds", "1") == 1
-    assert "refused, and so not checked: 'walk sideways'" in " ".join(capsys.readouterr().err.split())
+    out = " ".join(capsys.readouterr().out.split())
+    assert out.startswith("FAIL op3") and "'walk sideways' was refused, and so not checked" in out
+    assert run("check", "torque", "--prompt", "walk sideways", "--seconds", "1", "--json") == 1
+    content = json.loads(capsys.readouterr().out)
+    assert content["ok"] is False and content["refused"] == ["walk sideways"] and content["failed"] == []
+
+
+def test_a_built_in_script_that_a_bundle_cannot_do_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """The run of `--bundle free` alone failed for kinds that the user had not asked for."""
+    assert run("dry-run", "--bundle", "free", "--seconds", "1") == 2
+    err = " ".join(capsys.readouterr().err.split())
+    assert "the built-in script asks for 'wave with the right hand'" in err and "give --prompt or --script" in err
 
 
 def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import typer
 
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands import daemon as command
@@ -47,6 +48,12 @@ def test_what_is_given_is_not_added() -> None:
     words = service(text)["ExecStart"].split()
     assert words.count("--wait") == words.count("--web") == 1
     assert "--no-arm" not in words and "%L/flexmotion" not in words
+
+
+def test_a_unit_with_one_file_for_its_log_is_refused() -> None:
+    """Each start of the daemon replaced the log of the one before."""
+    with pytest.raises(typer.BadParameter, match="expected a folder"):
+        unit([*OPTIONS, "--log", "/data/run.mcap"], "robot")
 
 
 def test_a_unit_with_a_motion_waits_to_be_armed_too() -> None:

@@ -51,6 +51,15 @@ def test_a_target_reaches_the_planner_at_once_and_its_answer_the_sender(make_off
     assert office.desk.following is not None and office.desk.following.asked == {"text": "wave"}
 
 
+def test_an_answer_names_the_manner_that_was_heard(make_office: Make) -> None:
+    """The answer to "walk like an old man" was "heard as walk"; only standard error said "old"."""
+    office = make_office()
+    office.ask(WAVE)
+    office.run.answer(office.run.arrived()[-1].id, heard="walk", manner="old")
+    office.desk.pump()
+    assert (office.told[-1].heard_as, office.told[-1].manner) == ("walk", "old")
+
+
 def told_ends(office: Any, text: str) -> tuple[int, list[Ended]]:
     """Ask for a target that is accepted; its number, and the list into which its end comes."""
     ends: list[Ended] = []

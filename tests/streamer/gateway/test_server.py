@@ -311,6 +311,18 @@ def test_further_connections_than_admitted_are_refused(begin: Begin) -> None:
         assert counts(gateway.port)["rejected: too many connections"] == 1
 
 
+def test_a_client_that_leaves_in_the_middle_of_a_message_is_counted(
+    begin: Begin, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Each wrote a traceback of 75 lines to the run's stderr."""
+    gateway = begin()
+    with socket.create_connection(("127.0.0.1", gateway.port)) as half:
+        half.sendall(b'POST /text HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 60\r\n\r\n{"text":"wal')
+        wait_until(lambda: counts(gateway.port) is not None, "the gateway to answer beside it")
+    wait_until(lambda: counts(gateway.port).get("rejected: left") == 1, "the count")
+    assert capfd.readouterr().err == ""
+
+
 def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run, op3: Robot) -> None:
     gateway = begin()
     with pytest.raises(

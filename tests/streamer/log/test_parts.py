@@ -160,8 +160,22 @@ def test_two_runs_do_not_write_to_one_log(tmp_path: Path, capsys: pytest.Capture
     assert "run.mcap: a run that is not over yet writes to it; choose another path" in capsys.readouterr().err
     assert path.read_bytes() == b"of the first run"
     held.close()
+    path.unlink()
     assert execute(["dry-run", "--seconds", "0.3", "--log", str(path)]) == 0
     assert read_log(path).whole
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "run.part0002.mcap"])
+@pytest.mark.parametrize("command", [["dry-run"], ["run", "-r", "op3", "-d", "sim"]])
+def test_a_run_does_not_replace_an_earlier_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, command: list[str]
+) -> None:
+    """The second run with the same `--log` replaced the log of the first without a word, and removed its parts."""
+    (tmp_path / name).write_bytes(b"of an earlier run")
+    assert execute([*command, "--seconds", "0.3", "--log", str(tmp_path / "run.mcap")]) == 2
+    err = capsys.readouterr().err
+    assert f"{name}: there is a log already" in err and "give a folder" in err and err.count("\n") == 1
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"of an earlier run")]
 
 
 def test_two_runs_do_not_write_to_one_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -77,6 +77,25 @@ def test_a_log_that_was_cut_off_is_read_as_far_as_it_goes(logged: Any, tmp_path:
     np.testing.assert_array_equal(log.rows["q"], record.rows["q"][: len(log.rows)])
 
 
+@pytest.mark.parametrize("cut", [1, 8, 9, 200, 700, 1400])
+def test_a_log_that_lost_its_index_is_read_whole(logged: Any, tmp_path: Path, cut: int) -> None:
+    """One that was cut off in its index, by one byte or a thousand, was "damaged, or not a log of FlexMotion"."""
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(logged.path.read_bytes()[:-cut])
+    log = read_log(path)
+    assert log.whole
+    np.testing.assert_array_equal(log.rows["q"], logged.session.record.rows["q"])
+
+
+@pytest.mark.parametrize("place", [-1, -10, -25, -300, -1000])
+def test_a_log_with_a_damaged_index_is_read_whole(logged: Any, tmp_path: Path, place: int) -> None:
+    """It was refused for a byte that none of its data needs."""
+    path, content = tmp_path / "damaged.mcap", bytearray(logged.path.read_bytes())
+    content[place] ^= 0xFF
+    path.write_bytes(content)
+    assert len(read_log(path).rows) == logged.session.record.used
+
+
 def test_a_log_of_an_older_row_is_read_by_name(logged: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from flexmotion.streamer.control import tick_row
     from flexmotion.streamer.log import reader

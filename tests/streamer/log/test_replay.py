@@ -37,6 +37,18 @@ def test_a_lockstep_log_with_a_target_and_a_request_replays_bit_for_bit(log: Log
     assert shares[-1] == 1.0 and sorted(shares) == shares
 
 
+def test_a_log_is_replayed_after_the_folder_of_its_robot_is_gone(log: Log, tmp_path: Path) -> None:
+    """It was refused as of an unknown robot, although the log holds the robot's files."""
+    gone = changed(log, header=log.header.model_copy(update={"robot": str(tmp_path / "op3")}), rows=log.rows[:150])
+    subject = Subject.of(gone)
+    assert subject.robot.joint_names == log.header.joints and log.changed_files(subject.robot) == []
+    assert replay(gone, subject).differing == []
+    with pytest.raises(
+        ConfigError, match="there is no robot '.*op3' any more, and its files in the log are not enough"
+    ):
+        Subject.of(changed(gone, files={}))
+
+
 def test_a_log_that_ends_early_is_compared_as_far_as_it_goes(log: Log) -> None:
     early = changed(log, rows=log.rows[:300], whole=False)
     result = replay(early, Subject.of(early))

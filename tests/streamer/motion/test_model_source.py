@@ -343,6 +343,13 @@ def test_an_intent_that_the_model_cannot_follow_is_refused() -> None:
             source(Item(0.0, intent), sampler=StubSampler(follows_velocity=False))
 
 
+def test_a_manner_that_the_model_does_not_offer_is_refused_before_the_run() -> None:
+    """It ended the planner at run time, with a message that listed what the model was not judged to do."""
+    with pytest.raises(ConfigError, match="velocity: manner 'proudly', model stub offers: normal, old$"):
+        source(Item(0.0, Velocity(0.7, 0.0, 0.0, manner="proudly")))
+    source(Item(0.0, Velocity(0.7, 0.0, 0.0, manner="old")))
+
+
 def with_clip() -> tuple[ModelSource, Motion]:
     """A source with a clip of two seconds that walks ahead."""
     from flexmotion.importers.default_clip import default_clip

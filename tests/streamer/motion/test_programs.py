@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.robot import load_robot
+from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
 from flexmotion.streamer.motion.hearing import Hearing
@@ -467,3 +468,207 @@ def test_a_named_repeat_is_never_of_another_motion(hearing: Hearing, say: str) -
     program = hear(hearing, say, "bow")
     assert moves(program) == (["wave-right-hand"] if "wave" in say else [])
     assert (program.heard.state == "refused") == ("wave" not in say)
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("walk like an old man backwards", [("walk-back", "old", None)]),
+        ("walk like an old man left", [("walk-turn-left", "old", None)]),
+        ("walk like my grandfather backwards", [("walk-back", "old", None)]),
+        ("walk like an old man stop", [("walk", "old", 4.0), ("stand", None, 2.0)]),
+        ("walk like an old man two metres", [("walk", "old", 2.0)]),
+        ("walk like a hundred year old 3 steps", [("walk", "old", 3.0)]),
+        ("walk like a lady 2 steps", [("walk", "feminine", 2.0)]),
+        ("turn like an old man 90 degrees to the left", [("walk-turn-left", "old", np.pi / 2)]),
+        ("turn left like an old man by 90 degrees", [("walk-turn-left", "old", np.pi / 2)]),
+        ("bow like an old man 3 times", [("bow", "old", 3.0)]),
+        ("walk like an old man without turning", [("walk", "old", None)]),
+        ("walk like an old man until I say stop", [("walk", "old", None)]),
+        ("walk like an old man back two steps", [("walk-back", "old", 2.0)]),
+        ("walk like an old man in a left turn", [("walk-turn-left", "old", None)]),
+        ("walk like an old man 2m", [("walk", "old", 2.0)]),
+    ],
+)
+def test_what_is_said_behind_a_manner_is_done_too(
+    hearing: Hearing, say: str, does: list[tuple[str, str | None, float | None]]
+) -> None:
+    """Went wrong: "walk like an old man backwards" walked ahead: all words up to a comma were taken for the manner."""
+    program = hear(hearing, say)
+    assert program.heard.state in ("accepted", "slowed") and program.heard.dropped == ()
+    done = [(step.kind, step.told.manner, step.amount and step.amount.value) for step in program.steps]
+    assert done == [(kind, manner, amount and pytest.approx(amount, rel=1e-3)) for kind, manner, amount in does]
+
+
+@pytest.mark.parametrize(
+    ("say", "reason"),
+    [
+        ("walk like an old man 100 metres", "expected 0.02 m to 10 m"),
+        ("walk like an old man without moving your arms", "cannot promise"),
+        ("walk like an old man up the stairs", "up the stairs"),
+        ("walk like an old man in a circle", "a circle"),
+        ("walk like an old man waving", "say which comes first"),
+        ("walk like an old man if you can", "cannot tell when"),
+        ("walk like an old man every five seconds", "say how often"),
+        ("turn left like an old man but don't turn", "asked for and forbidden"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_behind_a_manner_too(hearing: Hearing, say: str, reason: str) -> None:
+    """Went wrong: a prohibition and a walk of 100 m behind "like an old man" were accepted, and not heard."""
+    heard = hear(hearing, say).heard
+    assert heard.state == "refused" and reason in str(heard.reason)
+
+
+def test_words_that_may_belong_to_a_manner_or_not_are_told(hearing: Hearing) -> None:
+    """Went wrong: words that the manner swallowed were told nowhere."""
+    for say in (
+        "walk like an old man on the left",
+        "walk as if you were a hundred backwards",
+        "walk unlike an old man",
+    ):
+        heard = hear(hearing, say).heard
+        assert heard.state == "partly" and heard.dropped == (say.removeprefix("walk "),) and heard.manner is None
+
+
+def test_a_walk_as_an_old_man_is_one_like_an_old_man(hearing: Hearing) -> None:
+    """Went wrong: "walk as an old man" was a normal walk, and nothing was told."""
+    assert hear(hearing, "walk as an old man").heard.manner == "old"
+    assert hear(hearing, "wave as a greeting").heard.state == "accepted"
+
+
+@pytest.mark.parametrize("say", ["walk like an old man", "walk backward", "turn left like an old man"])
+def test_a_walk_within_the_pace_goes_slower_and_faster(hearing: Hearing, say: str) -> None:
+    """Went wrong: a walk like an old man was at its smallest speed already, and at its greatest."""
+    program, speeds = hear(hearing, say), list[float]()
+    for change in ("slower", "slower", "faster", "faster", "faster", "faster"):
+        program = hearing(Text(change), program, program)
+        speeds.append(float(np.abs(velocity_of(program)).max()))
+    assert speeds[1] < speeds[0] < 0.7 and speeds[1] < speeds[2] < speeds[3] <= speeds[4] <= speeds[5]
+    assert hearing.pace is not None and hearing.pace.slowed(velocity_of(program)) == velocity_of(program)
+    greatest = hearing(Text("faster"), program, program).heard
+    assert greatest.state == "refused" and "greatest speed already" in str(greatest.reason)
+
+
+@pytest.mark.parametrize("pace", [None, Pace(2.0, 1.0, 0.5, 2.0)])
+def test_a_walk_of_a_robot_that_keeps_up_goes_slower_and_faster(hearing: Hearing, pace: Pace | None) -> None:
+    """Went wrong: where no walk had to be slowed for the robot, none could be slower."""
+    quick = Hearing(hearing.model, pace)
+    walk = quick(Text("walk forward"))
+    (slower, _, _), (faster, _, _) = (velocity_of(quick(Text(say), walk, walk)) for say in ("slower", "faster"))
+    assert (slower, faster) == pytest.approx((0.84, 1.56))
+
+
+def test_the_answer_to_slower_says_the_manner_that_goes_on(hearing: Hearing) -> None:
+    """Went wrong: the answer to "slower" in a walk like an old man named no manner."""
+    assert hear(hearing, "slower", "walk like an old man").heard.manner == "old"
+
+
+@pytest.mark.parametrize(
+    ("say", "share"),
+    [
+        ("walk slowly like an old man", 0.6),
+        ("walk very slowly like an old man", 0.36),
+        ("walk like an old man, slowly", 0.7),
+        ("walk like an old man slowly", 0.6),
+        ("walk like an old man at half speed", 0.5),
+        ("walk like an old man 30 % slower", 0.7),
+        ("walk like an old man much slower", 0.49),
+        ("walk like an old man a bit slower", 0.84),
+    ],
+)
+def test_a_manner_of_its_own_speed_is_done_slowly(hearing: Hearing, say: str, share: float) -> None:
+    """Went wrong: "walk slowly like an old man" was refused, and "… like an old man slowly" was as fast as without."""
+    program = hear(hearing, say)
+    own = hearing.model.own_velocity(Condition("walk like an old man"))
+    assert own is not None and program.heard.manner == "old" and program.steps[0].amount is None
+    assert velocity_of(program)[0] == pytest.approx(share * own[0], rel=0.01)
+
+
+def test_a_walk_ahead_is_done_slower_too(hearing: Hearing) -> None:
+    """Went wrong: "walk forward much slower" was walked as fast as ever, and nothing was told."""
+    slower, much = (velocity_of(hear(hearing, f"walk forward {words}"))[0] for words in ("slower", "much slower"))
+    assert hearing.pace is not None and 0.0 < much < slower < 0.75 * hearing.pace.ahead
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "kinds"),
+    [
+        ("raise your left hand", "lower your left hand", []),
+        ("raise your left hand", "Please put your left arm down.", []),
+        ("raise both arms", "lower your left hand", ["raise-up-right-hand"]),
+        ("raise both arms", "put down your right arm", ["raise-up-left-hand"]),
+        (None, "lower your left hand", []),
+        (None, "drop your left arm", []),
+        (None, "let your left arm hang", []),
+    ],
+)
+def test_the_arm_that_is_named_is_lowered(hearing: Hearing, after: str | None, say: str, kinds: list[str]) -> None:
+    """Went wrong: with both arms up "lower your left hand" lowered both, and "drop your left arm" raised it."""
+    program = hear(hearing, say, after)
+    assert moves(program) == kinds and program.heard.state == "accepted"
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "reason"),
+    [
+        ("raise your right hand", "lower your left hand", "does not raise the left hand"),
+        ("raise your right hand", "lower the other arm", "does not raise the other arm"),
+        ("walk forward", "lower your right arm", "walk raises no arm"),
+        ("raise both arms", "lower the other hand", "say left or right"),
+        ("put your hands on your hips", "lower your left hand", "say 'lower your arms'"),
+    ],
+)
+def test_an_arm_that_is_not_raised_is_not_lowered_and_all_goes_on(
+    hearing: Hearing, after: str, say: str, reason: str
+) -> None:
+    """Went wrong: "lower your left hand" lowered a raised right hand, stopped a walk, and was accepted."""
+    program, before = hear(hearing, say, after), hear(hearing, after)
+    assert program.heard.state == "refused" and reason in str(program.heard.reason)
+    assert str(program.heard.reason).endswith("; it goes on") and moves(program) == moves(before) != []
+
+
+@pytest.mark.parametrize(
+    "say", ["like an old man", "now like an old man", "like an old man now", "keep going like an old man"]
+)
+def test_a_walk_under_way_goes_on_in_another_manner(hearing: Hearing, say: str) -> None:
+    """Went wrong: "like an old man" in a walk was refused, and the robot stopped."""
+    walk = hearing(Text("walk forward"))
+    program = hearing(Text(say), walk, walk)
+    assert program.heard.state == "accepted" and program.heard.manner == "old" and moves(program) == ["walk"]
+    assert program.number == walk.number and "goes on" in str(remark_on(hearing.model, Text(say), program))
+    lady = hearing(Text("like a lady"), program, program)
+    assert lady.steps[0].told.manner == "feminine" and lady.heard.state == "slowed"
+
+
+def test_a_manner_keeps_the_speed_that_was_asked_for(hearing: Hearing) -> None:
+    """A manner alone was refused; a walk that was made slower goes on at that speed in the manner."""
+    walk = hearing(Text("walk forward"))
+    slow = hearing(Text("slower"), walk, walk)
+    old = hearing(Text("like an old man"), slow, slow)
+    assert velocity_of(old) == velocity_of(slow) and old.heard.slowed is None
+    assert isinstance(old.steps[0].intent, Velocity) and old.steps[0].intent.manner == "old"
+
+
+@pytest.mark.parametrize(
+    ("after", "say", "reason"),
+    [
+        ("walk forward", "proudly", "the model has no such manner"),
+        ("walk forward", "unlike an old man", "the model has no such manner"),
+        ("bow", "like an old man", "'bow like an old man'"),
+        ("walk two metres", "like an old man", "say all of it"),
+    ],
+)
+def test_what_does_not_change_to_a_manner_goes_on_as_it_is(hearing: Hearing, after: str, say: str, reason: str) -> None:
+    """Went wrong: a manner that was refused stopped the robot."""
+    before = hearing(Text(after))
+    program = hearing(Text(say), before, before)
+    assert program.heard.state == "refused" and reason in str(program.heard.reason)
+    assert str(program.heard.reason).endswith("it goes on") and program.steps == before.steps
+
+
+def test_a_manner_of_nothing_names_what_to_say(hearing: Hearing) -> None:
+    """Went wrong: the refusal of "like an old man" suggested to look around."""
+    for say in ("like an old man", "Now like an old man!"):
+        heard = hear(hearing, say).heard
+        assert heard.state == "refused" and "as in 'walk like an old man'" in str(heard.reason)
+    assert hear(hearing, "go like an old man").heard.manner == "old" and moves(hear(hearing, "sneak")) == ["walk"]

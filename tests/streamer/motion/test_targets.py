@@ -49,6 +49,20 @@ def test_a_velocity_that_is_not_finite_is_not_sent() -> None:
     assert mailbox.newest() is NO_TARGET
 
 
+def test_a_velocity_with_a_manner_is_not_sent() -> None:
+    """The manner was dropped without a word: the answer said that the velocity was accepted."""
+    mailbox = TargetMailbox()
+    with pytest.raises(ConfigError, match="manner 'old': a target's velocity has the normal manner; say the"):
+        mailbox.send(Velocity(0.7, 0.0, 0.0, manner="old"))
+    assert mailbox.newest() is NO_TARGET
+
+
+@pytest.mark.parametrize("manner", [7, float("nan"), ""])
+def test_a_manner_that_is_no_name_is_refused(manner: object) -> None:
+    with pytest.raises(ConfigError, match="velocity: manner: expected the name of a manner"):
+        Velocity(0.7, 0.0, 0.0, manner=manner)  # type: ignore[arg-type]
+
+
 def test_requests_are_read_in_order_with_their_reasons() -> None:
     requests = RequestChannel()
     reader = requests.reader()

@@ -504,9 +504,12 @@ def test_words_that_are_not_understood_offer_what_is(run: StandIn) -> None:
     assert page.evaluate("() => document.activeElement.tagName") == "SUMMARY"
     # An answer of which the listener is not sure looked like any other.
     assert page.inner_text("#history li:first-child .mark") == "unsure"
+    # The manner was told by the run's standard error alone.
+    run.heard(67, "walk like grandpa", "accepted", heard_as="walk", manner="old", at_s=367.0)
+    run.until(lambda: "heard as walk, old" in page.inner_text("#history"), "the manner")
     entry.get_by_role("button", name="bow").click()
     run.until(lambda: run.asked and run.asked[-1].get("text") == "bow", "the motion to be asked for")
-    run.answer(state="accepted", target=67)
+    run.answer(state="accepted", target=68)
 
 
 def test_a_page_that_is_opened_lists_nothing_that_nobody_typed(run: StandIn) -> None:
