@@ -30,7 +30,7 @@ DIRECTIONS = ("outward", "inward", "ahead")
 nobody pushes sway back by up to 53 mm where a foot has lifted, and pushes back fell them least."""
 
 _VERSIONS = FormatVersions(
-    kind="push correction", oldest=1, newest=1, migration="search it again: benchmarks/robot/push_correction.py"
+    kind="push correction", oldest=1, newest=1, migration="search it again: benchmarks/robot/pushes.py --search"
 )
 _PARALLEL = 0.999
 """Least cosine between the axis of a joint and the mirror image of its partner's."""
@@ -44,8 +44,8 @@ class PushCorrectionFile(Strict):
     Attributes:
         version: of the file format.
         dead: errors of the divergent component that move no joint, ahead and aside [m].
-        begins: errors with which a correction begins, ahead and aside: no walk that nobody pushes has them [m]. It is
-            over once the joints are back.
+        begins: errors with which a correction begins, ahead and aside: walks that nobody pushes hardly have them
+            [m]. It is over once the joints are back.
         reach: beyond `dead`, errors greater than this move joints no further [m].
         most: greatest offset of a joint [rad].
         outward, inward, ahead: offset of joints, by name, per error beyond `dead` in this direction, of a robot

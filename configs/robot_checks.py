@@ -23,11 +23,11 @@ def check_numbers(robot: Robot) -> None:
             f"{robot.file}: field safety.soft_start_speed: {safety.soft_start_speed:g} rad/s, expected at most "
             f"{fastest:.3g}: no servo of this robot turns faster"
         )
-    highest = max(servo.max_voltage for servo in robot.servos)
+    highest = min(servo.max_voltage for servo in robot.servos)
     if safety.voltage_min is not None and safety.voltage_min > highest:
         raise ConfigError(
-            f"{robot.file}: field safety.voltage_min: {safety.voltage_min:g} V, expected less than {highest:g}: no "
-            "servo of this robot may have more, so it would park at once"
+            f"{robot.file}: field safety.voltage_min: {safety.voltage_min:g} V, expected less than {highest:g}: a "
+            "servo of this robot may not have more, so it would park at once"
         )
 
 

@@ -235,8 +235,8 @@ class Gait(Strict):
         return self
 
 
-UPRIGHT = 1.57
-"""A quarter of a turn [rad]: a torso tilted by more lies. More is written in degrees, and never reached."""
+UPRIGHT = 1.571
+"""A quarter of a turn [rad]: a torso tilted by more lies. A greater number was meant in degrees."""
 
 EmergencyStop = Literal["freeze", "captured_stop", "crouch"]
 """What an emergency stop does at first; then the robot parks, and its torque goes off.

@@ -77,9 +77,10 @@ class Bundle:
         for manner, network in self.manifest.personal.items():
             if network not in self.manifest.files or manner not in self.manners.names:
                 raise ConfigError(f"{path}: personal: {manner!r}: its network {network!r} or its embedding is missing")
-        if self.manifest.corrections.speeds:
+        corrections = self.manifest.corrections
+        if corrections.speeds or corrections.manner_speeds or corrections.guidance:
             known = {*self.prompts.kinds, *self.listener.kinds}
-            self.manifest.corrections.require_known(known, self.manners.names, f"{path}: corrections")
+            corrections.require_known(known, self.manners.names, f"{path}: corrections")
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:

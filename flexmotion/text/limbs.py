@@ -10,11 +10,13 @@ from flexmotion.text.phrases import limbs, verbs
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 
+_OPENING = r"(?:please|now|ok|okay|hey|robot|just|(?:can|could|would|will) you|you should|i want you to)"
+_CLOSING = r"(?:down|again|now|please|slowly|robot|to your side)"
 _LOWERED = re.compile(
-    r"(?:(?:please|now) )*(?:(?P<lowers>lower|drop|relax|(?:put|take|bring|let|get|pull) down) "
+    rf"(?:{_OPENING}[, ]+)*(?:(?P<lowers>lower|drop|relax|(?:put|take|bring|let|get|pull) down) "
     r"|(?:put|take|bring|let|get|pull|move) )?"
     r"(?:(?:your|the|its) )?(?P<side>left|right|other) (?P<arm>hand|arm)"
-    r"(?P<down>(?: back)? (?:down|hang|sink|fall|drop|rest))?(?: (?:down|again|now|please|slowly|to your side))*\W*"
+    rf"(?P<down>(?: back)? (?:down|hang|sink|fall|drop|rest))?(?:[, ]+{_CLOSING})*\W*"
 )
 """Words that ask to lower one arm."""
 

@@ -41,6 +41,10 @@ _HOLDS_ON = re.compile(rf"\b(?:{_ARTICLES}|of|like|as)\s*$")
 _ENDS_ITSELF = re.compile(r"\bof \w+$|\b(?:no|nothing|little|any|some) (?:\w+ )?left$")
 """Last words that end a comparison although others like them ask for something: "a child of five"."""
 
+_STOPS = re.compile(
+    r"\b(?:stop\w*|halt\w*|freez\w*|frozen|still|emergency|safe\w*|stand\w*|rest\w*|wait\w*|paus\w*|quit\w*)\b"
+)
+"""Words that may mean the end of a motion: a sentence with one of them never goes on in another manner."""
 _BESIDE = frozenset(["now", "please", "and", "but", "then", "robot", "ok", "okay", "instead"])
 """Words that ask for nothing beside a manner of what is under way."""
 
@@ -108,6 +112,8 @@ def manner_alone(sentence: str) -> str | None:
     phrases = manner_phrases(sentence)
     if not phrases or not all(" " in phrase.text or phrase.text.endswith("ly") for phrase in phrases):
         return None  # "sneak" asks for a motion
+    if _STOPS.search(sentence.lower()):
+        return None  # "like a man who stops"
     rest = [word for word in re.findall(r"[\w']+", without_phrases(sentence, phrases).lower()) if word not in _BESIDE]
     goes_on = not rest or " ".join(rest) in vocabulary().words("continue")
     return " ".join(phrase.text for phrase in phrases) if goes_on else None

@@ -372,6 +372,8 @@ class ControlLoop:
         return pinned
 
     def _play(self, playback: Playback) -> None:
+        if playback is not Playback.PLAN:
+            self._forget_push()
         if playback in (Playback.NOTHING, Playback.DAMP):
             self.now.balanced = False
             return
@@ -397,7 +399,8 @@ class ControlLoop:
             self.ahead.copy(self.now)
         self._moves_slowly = plan is None
         np.copyto(self._load, self.now.torque if playback is Playback.GET_UP else self._torque())
-        self._answer_push(plan is not None)
+        if plan is not None:
+            self._answer_push()
         self.joints.lead(self.ahead, self._load, self.state)
         if self.now.balanced and not self.suspension.hung:
             self.strikes.update(self.estimator)
@@ -424,18 +427,24 @@ class ControlLoop:
         repairs[_TORQUE] += self.servo.torque_clamps
         self.driver.write(self.command)
 
-    def _answer_push(self, plans: bool) -> None:
-        """Add to the reference what a robot that sways or tilts does beside its plan; `plans`: one plays."""
-        parts, hung = (self.level, self.correction), self.suspension.hung
-        self.offset[:] = self.offset_speed[:] = 0.0
-        for part in parts:
-            if not plans:
-                part.reset()
-            elif part.update(self.estimator, self.now, hung=hung):
-                self.offset += part.offset
-                self.offset_speed += part.speed
+    def _answer_push(self) -> None:
+        """Add to the reference of a plan what a robot that sways or tilts does beside it."""
+        hung, measured = self.suspension.hung, self.state
+        believed = measured.imu_stale == 0 and not self.plausibility.imu_doubted
+        self.correction.update(
+            self.estimator, self.now, hung=hung, measured=believed and int(measured.stale.max()) < self.driver.turns
+        )
+        self.level.update(self.estimator, self.now, hung=hung)
+        np.add(self.level.offset, self.correction.offset, out=self.offset)
+        np.add(self.level.speed, self.correction.speed, out=self.offset_speed)
         self.ahead.q += self.offset
         self.ahead.qd += self.offset_speed
+
+    def _forget_push(self) -> None:
+        """What plays is no plan: nothing answers beside it, and no joint is expected to move on by an answer."""
+        self.level.reset()
+        self.correction.reset()
+        self.offset[:] = self.offset_speed[:] = 0.0
 
     def _torque(self) -> Float:
         """Feed-forward torque that carries and balances the robot, (n,) [N·m]."""

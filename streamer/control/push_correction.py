@@ -29,6 +29,8 @@ _FALLS_M = 0.15
 _ROOM = 0.15
 """An offset brings no joint nearer to its limits than this [rad]. A hip that carries a falling robot ran past its limit
 with 3.8 rad/s, and its goal, which is bounded by the limit, implied 1.03 of the stall torque."""
+_TICKS = 2
+"""Ticks in a row that must show an error before it is answered: one reading alone may be wrong."""
 _NOTHING = 1e-3
 """A smaller offset of all joints is none, and the next push has to begin anew [rad]."""
 
@@ -51,21 +53,24 @@ class PushCorrection:
         self._lower, self._upper = robot.lower + _ROOM, robot.upper - _ROOM
         self._step, self._keep = _SPEED / robot.rate_hz, math.exp(-1.0 / (_FADE_S * robot.rate_hz))
         self.acts = self.falls = False
+        self._seen = 0  # ticks in a row with an error to answer
         self._before, self._goal = np.zeros(robot.n), np.zeros(robot.n)
         self._errors = np.zeros(len(DIRECTIONS))
 
     def reset(self) -> None:
         """Let the joints follow their plan at once."""
+        self._seen = 0
         if self.acts:
             self.offset[:] = self.speed[:] = 0.0
             self.acts = self.falls = False
 
-    def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False) -> bool:
+    def update(self, estimator: Estimator, reference: Reference, *, hung: bool = False, measured: bool = True) -> bool:
         """Fill `offset` and `speed` for the newest estimate.
 
         Args:
             reference: of this tick.
             hung: the feet are in the air: there is no balance to speak of.
+            measured: IMU and joints have just been measured, and are believed.
 
         Returns:
             Whether any joint has an offset.
@@ -74,21 +79,23 @@ class PushCorrection:
         if correction is None:
             return False
         self.falls = False
-        known = reference.balanced and estimator.has_imu and not hung
+        known = reference.balanced and estimator.has_imu and measured and not hung
         side = self._fill_errors(estimator, reference) if known else None
-        if side is None and not self.acts:
+        self._seen = 0 if side is None else self._seen + 1
+        if not self.acts and self._seen < _TICKS:
             return False
         goal, offset = self._goal, self.offset
         np.copyto(self._before, offset)
         # A joint goes out as fast as it may and comes back slowly: the error of a robot that sways back crosses zero.
         np.multiply(offset, self._keep, out=goal)
         if side is not None:
-            q, most = reference.q, correction.most
-            lowest = np.clip(self._lower - q, -most, 0.0)
-            highest = np.clip(self._upper - q, 0.0, most)
-            wanted = np.clip(correction.gains[side] @ self._errors, lowest, highest)
+            wanted = correction.gains[side] @ self._errors
             further = (np.abs(wanted) >= np.abs(goal)) | (wanted * offset < 0.0)
             np.copyto(goal, wanted, where=further)
+        # Also where the joint only comes back: its plan may have come near a limit meanwhile.
+        q, most = reference.q, correction.most
+        lowest, highest = np.clip(self._lower - q, -most, 0.0), np.clip(self._upper - q, 0.0, most)
+        np.minimum(np.maximum(goal, lowest, out=goal), highest, out=goal)
         goal -= offset
         offset += np.minimum(np.maximum(goal, -self._step, out=goal), self._step, out=goal)
         np.subtract(offset, self._before, out=self.speed)

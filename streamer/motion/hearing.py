@@ -112,7 +112,8 @@ class Hearing:
             if len(steps) > MOST_STEPS:
                 raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
         except NothingChangesError as refused:
-            if under_way is None:
+            # Beside other requests, such as a stop, none is done, and nothing goes on without them.
+            if under_way is None or len(clauses) != 1:
                 return self._refused(sentence, str(refused), dropped)
             heard = Heard(asked=sentence, state="refused", reason=f"{refused}; it goes on", certainty=1.0)
             return replace(under_way, heard=heard)
@@ -278,6 +279,10 @@ class Hearing:
         text = f"{without_phrases(kept, manner_phrases(kept))} {way}"
         prompt = self.model.prompt(text)
         walks = under_way.is_open and (step.turn or step.axis != (0, 0)) and isinstance(step.intent, Text | Velocity)
+        known = all(phrase.manner is not None and not phrase.doubtful for phrase in manner_phrases(way))
+        if walks and prompt.dropped and not known:
+            # Words of no manner may have meant to end the walk.
+            return self._refused(sentence, f"{sentence!r}: no manner that is known", ())
         if not walks or prompt.kind != step.kind or prompt.manner == NORMAL or prompt.dropped:
             which = "the model has no such manner" if walks and prompt.dropped else f"say all of it, as in {text!r}"
             reason = f"{sentence!r}: {step.kind} is not changed to that manner: {which}; it goes on"

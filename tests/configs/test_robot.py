@@ -84,7 +84,7 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
         (lambda c: c["imu"].update(position=[-15, 0, 60]), r"imu\.position\.0: -15, expected -3 to 3 \[?m"),
         (lambda c: c["feet"]["left"].update(half_size=[57, 38.7]), r"feet\.left\.half_size\.0: 57, expected .*0\.5"),
         (lambda c: c["feet"]["right"].update(sole=[24, -12.8, -30.5]), r"feet\.right\.sole\.0: 24, expected -3 to 3 m"),
-        (lambda c: c["safety"].update(standing_margin=3), r"safety\.standing_margin: 3, expected 0 to 1\.57 rad"),
+        (lambda c: c["safety"].update(standing_margin=3), r"safety\.standing_margin: 3, expected 0 to 1\.571 rad"),
         (
             lambda c: c["safety"].update(soft_start_speed=1e6),
             r"safety\.soft_start_speed: 1e\+06 rad/s, expected at most 4\.8",
@@ -101,7 +101,7 @@ def test_a_contradiction_is_named(spoiled: Callable[[Edit], Path], edit: Edit, s
 
 def test_a_tilt_of_fall_in_degrees_is_refused(spoiled: Callable[[Edit], Path]) -> None:
     """`fall_tilt: 45` was accepted without a word: a robot on its back did not count as fallen, and kept its torque."""
-    with pytest.raises(ConfigError, match=r"field safety\.fall_tilt: 45, expected more than 0 and 1\.57 at most rad"):
+    with pytest.raises(ConfigError, match=r"field safety\.fall_tilt: 45, expected more than 0 and 1\.571 at most rad"):
         load_robot(spoiled(lambda content: content["safety"].update(fall_tilt=45)))
 
 

@@ -74,11 +74,11 @@ def search_correction(robot: Robot, folder: Path, minutes: float, seed: int) -> 
     folder.mkdir(parents=True, exist_ok=True)
     console, state_file = Console(stderr=True, width=160), folder / "push_correction.state"
     own = robot.folder / FILE
-    begin = load(PushCorrectionFile, own) if own.is_file() else STILL
     count = 2 + sum(2 * len(parts) for parts in PARTS.values())
     if state_file.is_file():
-        search = pickle.loads(state_file.read_bytes())
+        search, begin = pickle.loads(state_file.read_bytes())
     else:
+        begin = load(PushCorrectionFile, own) if own.is_file() else STILL
         search = cma.CMAEvolutionStrategy(
             np.zeros(count), SIGMA, {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
         )
@@ -96,7 +96,7 @@ def search_correction(robot: Robot, folder: Path, minutes: float, seed: int) -> 
                     own_costs += [in_branch(one) for one in work]
         means = [float(np.mean(one)) for one in costs]
         search.tell(asked, means)
-        state_file.write_bytes(pickle.dumps(search))
+        state_file.write_bytes(pickle.dumps((search, begin)))
         store(candidate(robot, begin, np.asarray(search.mean)), folder / FILE)
         console.print(f"generation {generation}: cost {min(means):.3f}, median {np.median(means):.3f}", soft_wrap=True)
     return folder / FILE

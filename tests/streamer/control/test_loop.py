@@ -352,6 +352,23 @@ def test_a_robot_that_loses_its_imu_in_a_fall_gives_way(
         assert loop.ladder.state in (State.STREAMING, State.HOLD) and loop.ladder.fault is None
 
 
+@pytest.mark.usefixtures("ready")
+def test_a_frozen_robot_expects_no_joint_to_move_on_by_an_answer_to_a_push(
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter
+) -> None:
+    """Regression: the rate of an answer stayed, and joints of a lost bus were believed to run to their limits."""
+    offer(loop, plan_at(retargeter, loop.tick_count))
+    until(lambda: loop.ladder.state is State.STREAMING)
+    run(20)
+    for answer in (loop, loop.correction):
+        answer.offset[:] = 0.2
+    loop.offset_speed[:] = loop.correction.speed[:] = 4.8
+    loop.correction.acts = True
+    run(1, estop=True)
+    assert loop.ladder.state is State.HOLD
+    assert not loop.offset.any() and not loop.offset_speed.any() and not loop.correction.acts
+
+
 @pytest.mark.parametrize("plan", [False, True])
 @pytest.mark.usefixtures("ready")
 def test_estop_freezes_the_last_goals(

@@ -103,10 +103,39 @@ def test_a_joint_near_its_limit_is_brought_no_nearer() -> None:
     assert moved[hip] and not correction.offset[hip] and correction.offset.any()
 
 
+def test_a_joint_on_its_way_back_keeps_room_to_a_limit_that_its_plan_comes_near() -> None:
+    """Went wrong: only the answer was bounded, and a decaying offset ended at the limit."""
+    estimator, reference = on_one_foot(0)
+    estimator.dcm[:] = reference.dcm + (0.0, -0.08)
+    correction, hip = PushCorrection(ROBOT), ROBOT.chain("left_leg")["hip_roll"]
+    for _ in range(40):
+        correction.update(estimator, reference)
+    away = correction.offset[hip]
+    assert abs(away) > 0.1
+    reference.q[hip] = ROBOT.upper[hip] - 0.16 if away > 0.0 else ROBOT.lower[hip] + 0.16
+    estimator.dcm[:] = reference.dcm
+    for _ in range(12):  # faster than it decays
+        correction.update(estimator, reference)
+    assert abs(correction.offset[hip]) <= 0.01 + 1e-9
+
+
+def test_what_is_not_believed_is_not_answered() -> None:
+    """Went wrong: a robot whose bus was silent answered the sway of joints that were only assumed."""
+    estimator, reference = on_one_foot(0)
+    estimator.dcm[:] = reference.dcm + (0.05, 0.05)
+    correction = PushCorrection(ROBOT)
+    assert not any(correction.update(estimator, reference, measured=False) for _ in range(20))
+    # Nor a single reading between good ones.
+    for tick in range(20):
+        estimator.dcm[:] = reference.dcm + (0.05, 0.05) if tick % 2 else reference.dcm
+        assert not correction.update(estimator, reference)
+
+
 def test_the_joints_come_back_to_their_plan_to_the_last_bit() -> None:
     estimator, reference = on_one_foot(1)
     estimator.dcm[:] = reference.dcm + (0.05, 0.05)
     correction = PushCorrection(ROBOT)
+    assert not correction.update(estimator, reference)  # one reading alone may be wrong
     assert all(correction.update(estimator, reference) for _ in range(20))
     estimator.dcm[:] = reference.dcm
     ticks = next(tick for tick in range(1000) if not correction.update(estimator, reference))

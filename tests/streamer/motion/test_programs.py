@@ -299,6 +299,36 @@ def test_a_motion_is_no_place_and_no_tension(hearing: Hearing, say: str, kind: s
         assert hearing(Text(refused)).heard.state == "refused"
 
 
+@pytest.mark.parametrize(
+    "say",
+    [
+        "stop, then turn left and lower your left hand",
+        "don't walk, wave your right hand, then lower your left hand",
+        "as if you stopped",
+        "in an emergency stop mode",
+        "like a stopped robot",
+        "like a man who stops",
+        "like a flurb",
+        "unlike an old man",
+    ],
+)
+def test_a_walk_does_not_go_on_for_words_that_may_mean_its_end(hearing: Hearing, say: str) -> None:
+    """Went wrong: an arm that was not up, or words that looked like a manner, kept a robot walking that was to stop."""
+    walk = hear(hearing, "walk forward")
+    program = hearing(Text(say), walk, walk)
+    assert program.number != walk.number or program.steps[0].kind != "walk"
+
+
+@pytest.mark.parametrize(
+    "say", ["robot, lower your left hand", "can you lower your left hand?", "lower your left hand, please"]
+)
+def test_a_hand_that_is_to_come_down_never_goes_up(hearing: Hearing, say: str) -> None:
+    """Went wrong: "robot, lower your left hand" raised it."""
+    for after in ("stand still", "raise your left hand", "raise both hands"):
+        heard = hear(hearing, say, after=after).heard
+        assert heard.state == "refused" or "left" not in str(heard.heard_as), (after, heard.heard_as)
+
+
 def test_a_stop_with_a_range_of_speeds_stops_and_says_what_it_dropped(hearing: Hearing) -> None:
     """What was dropped of "stop at 2 to 3 m/s" would have been empty words."""
     heard = hearing(Text("stop at 2 to 3 m/s")).heard
@@ -653,7 +683,6 @@ def test_a_manner_keeps_the_speed_that_was_asked_for(hearing: Hearing) -> None:
     ("after", "say", "reason"),
     [
         ("walk forward", "proudly", "the model has no such manner"),
-        ("walk forward", "unlike an old man", "the model has no such manner"),
         ("bow", "like an old man", "'bow like an old man'"),
         ("walk two metres", "like an old man", "say all of it"),
     ],
