@@ -25,7 +25,8 @@ ORDER = len(DIFFERENCES) - 1
 
 HELD_CUTOFF = 2.0
 """Cut-off of windows in which a pose is held [Hz]. A sampled one trembles: hands jerk by 15 m/s³ where those of people
-jerk by .5; with 2 Hz 6, with 1 Hz no less, and with .5 Hz windows do not follow each other smoothly."""
+jerk by .5; with 2 Hz 6, with 1 Hz no less, and with .5 Hz windows do not follow each other smoothly. All points of the
+body: docs/decisions.md."""
 
 
 def continued(window: NDArray, before: NDArray, fps: float, cutoff: float) -> Float:
