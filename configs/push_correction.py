@@ -26,8 +26,9 @@ Float = NDArray[np.float64]
 
 FILE = "push_correction.yaml"
 DIRECTIONS = ("outward", "inward", "ahead")
-"""Of the error of the divergent component, from the foot that the robot stands on. None is answered back: walks that
-nobody pushes sway back by up to 53 mm where a foot has lifted, and pushes back fell them least."""
+"""Of the error of the divergent component, from the foot that the robot stands on. There is none for
+errors to the back: unpushed walks sway back by up to 53 mm after a foot has lifted, and few pushes to the back end in a
+fall."""
 
 _VERSIONS = FormatVersions(
     kind="push correction", oldest=1, newest=1, migration="search it again: benchmarks/robot/pushes.py --search"

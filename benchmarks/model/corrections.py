@@ -59,11 +59,9 @@ def sampler_with(bundle: Bundle, corrections: Corrections) -> Sampler:
     return Sampler(bundle, unjudged=True)
 
 
-def settled(
-    sampler: Sampler, seconds: float, seed: int, *, text: str | None = None, velocity: Velocity | None = None
-) -> Float:
+def settled(sampler: Sampler, velocity: Velocity, seconds: float, seed: int) -> Float:
     """Mean velocity of a sample after the first second: forward, left [m/s], turning left [rad/s]."""
-    motion = roll_out(sampler, always(text, velocity), SETTLE_S + seconds, seed).motion
+    motion = roll_out(sampler, always(velocity=velocity), SETTLE_S + seconds, seed).motion
     found: Float = frame_velocities(motion)[-round(seconds * sampler.fps) :].mean(axis=0)
     return found
 
@@ -71,7 +69,7 @@ def settled(
 def responses(sampler: Sampler, asked: Sequence[Velocity], seeds: range, seconds: float) -> Float:
     """Mean velocities of the samples of each asked one, (K, 3)."""
     return np.array(
-        [np.mean([settled(sampler, seconds, seed, velocity=velocity) for seed in seeds], axis=0) for velocity in asked]
+        [np.mean([settled(sampler, velocity, seconds, seed) for seed in seeds], axis=0) for velocity in asked]
     )
 
 
@@ -140,13 +138,14 @@ def fit(
 def rounded(corrections: Corrections) -> Corrections:
     """Corrections as finely as samples tell them."""
     gains = ("turning", "aside", "ahead_per_aside", "turning_per_aside")
-    ahead = tuple((speed, _rounded(asked)) for speed, asked in corrections.ahead)
+    ahead = tuple((speed, on_grid(asked)) for speed, asked in corrections.ahead)
     return corrections.model_copy(
-        update={**{name: _rounded(getattr(corrections, name)) for name in gains}, "ahead": ahead}
+        update={**{name: on_grid(getattr(corrections, name)) for name in gains}, "ahead": ahead}
     )
 
 
-def _rounded(value: float) -> float:
+def on_grid(value: float) -> float:
+    """A velocity or gain as finely as samples and clips tell it."""
     return round(round(value / GRID) * GRID, 3)
 
 

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.model.corrections import on_grid
 from benchmarks.model.posture_figures import on_body
 from benchmarks.shared.judges import frame_velocities
 from benchmarks.shared.model import open_bundle
@@ -49,8 +50,6 @@ FEWEST = 3
 """Clips that tell a speed."""
 TRAVELS, TURNS = 0.35, 0.2
 """A kind travels whose clips go ahead or back faster than this, and turns where they turn faster [m/s, rad/s]."""
-GRID = 0.05
-"""Speeds are rounded to this: clips do not tell them more finely."""
 LIMITS = 0.15, 0.2
 BEGIN_S, JUDGED_S = 3.0, 6.0
 """Time in which a body speeds up, and time that is judged after it [s]."""
@@ -93,7 +92,7 @@ def speed(clips: Sequence[Float], kind: str) -> Velocity | None:
     if abs(forward) <= TRAVELS:
         return None
     # Words that mean sideways motion mean a velocity: what else goes aside is sway.
-    return _rounded(forward), 0.0, _rounded(turning) if sides(kind) else 0.0
+    return on_grid(forward), 0.0, on_grid(turning) if sides(kind) else 0.0
 
 
 def speeds(of_clips: Moments, manners: Sequence[str]) -> tuple[dict[str, Velocity], dict[str, dict[str, Velocity]]]:
@@ -117,10 +116,6 @@ def _both_sides(kind: str, velocity: Velocity) -> dict[str, Velocity]:
     """The velocity of a kind and of its mirror image."""
     forward, _, turning = velocity
     return {kind: velocity} | ({mirrored(kind): (forward, 0.0, -turning)} if sides(kind) else {})
-
-
-def _rounded(value: float) -> float:
-    return round(round(value / GRID) * GRID, 3)
 
 
 def made(sampler: Sampler, text: str, samples: int) -> Float:

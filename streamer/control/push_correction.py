@@ -24,8 +24,9 @@ _SPEED = 3.0
 """Speed at which a joint leaves the plan at most [rad/s]."""
 _FADE_S = 0.1
 """Time constant with which a joint comes back to its plan [s]."""
-_FALLS_M = 0.15
-"""A divergent component further from its plan is that of a fall [m], as for `PushWatch`."""
+FALLS_M = 0.15
+"""A divergent component further from its plan is no sway of a robot that stands on its feet: a wrong reading, or a
+fall [m]."""
 _ROOM = 0.15
 """An offset brings no joint nearer to its limits than this [rad]. A hip that carries a falling robot ran past its limit
 with 3.8 rad/s, and its goal, which is bounded by the limit, implied 1.03 of the stall torque."""
@@ -101,7 +102,7 @@ class PushCorrection:
         np.subtract(offset, self._before, out=self.speed)
         self.speed *= self._rate
         self.acts = True
-        self.falls = known and math.hypot(*(estimator.dcm - reference.dcm)) > _FALLS_M
+        self.falls = known and math.hypot(*(estimator.dcm - reference.dcm)) > FALLS_M
         if side is None and np.abs(offset).max() <= _NOTHING:
             self.reset()
         return self.acts

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.push_correction import FALLS_M
 from flexmotion.streamer.control.tick_row import TickRow
 
 Float = NDArray[np.float64]
@@ -20,8 +21,6 @@ _LIFTED_S = 0.08
 _LANDS_S = 0.144
 """The foot in the air lands no sooner than this, by the plan [s]: later than a plan made now joins, by as long as
 `CaptureSteps` needs. Feet that strike early sway too, and a plan that moves nothing cost a walk two of 19 steps."""
-_MOST_M = 0.15
-"""One that is further away is no sway of a robot that stands on its feet: a wrong reading, or a fall [m]."""
 _ROWS = 2
 """Rows in a row that must show it."""
 _AGREE_M = 0.02
@@ -64,7 +63,7 @@ class PushWatch:
             if row.contact_ref.all():
                 self._stood = tick
             doubted, self._doubted = int(row.disbelieved) != self._doubted, int(row.disbelieved)
-            swayed = self._measured(row) and not doubted and _LEAST_M < math.hypot(*error) < _MOST_M
+            swayed = self._measured(row) and not doubted and _LEAST_M < math.hypot(*error) < FALLS_M
             agrees = self._seen > 0 and math.hypot(*(error - self._last)) <= _AGREE_M
             self._seen = (self._seen + 1 if agrees else 1) if swayed else 0
             self._last, self._tick = error.copy(), tick
