@@ -87,7 +87,7 @@ def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
     for match in _OPEN.finditer(text):
         if match["like"] and _LIKING.search(text[: match.start()]):
             continue
-        if match[0].startswith("as ") and match["like"] and not any(one.start == match.start() for one in found):
+        if match[0].startswith("as ") and match["like"] and _purpose().match(match[0]):
             continue  # "as a greeting"
         start, end = match.span()
         cut = False
@@ -139,8 +139,9 @@ def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> tuple[in
     first = max(listed, head.end() if head else start)
     for match in _asking().finditer(text, first, end):
         # "like someone who is tired": behind its listed words.
-        relative = head is None or _RELATES.search(text, max(head.end(), listed), match.start())
-        clear = not relative or any(first <= one.end <= match.start() for one in known)
+        relative = None if head is None else _RELATES.search(text, max(head.end(), listed), match.start())
+        begins = relative.end() if relative else first
+        clear = head and not relative or any(begins <= one.end <= match.start() for one in known)
         if clear and not _HOLDS_ON.search(text[start : match.start()]):
             return len(text[: match.start()].rstrip()), match["request"] is not None
     return end, False
@@ -152,6 +153,12 @@ def _ends_otherwise(said: str, known: list[MannerPhrase]) -> bool:
     if last is None or last.end() < len(said) or any(one.text.endswith(last[0]) for one in known):
         return False
     return _ENDS_ITSELF.search(said) is None
+
+
+@lru_cache
+def _purpose() -> re.Pattern[str]:
+    """What a motion is meant as: it says no manner."""
+    return re.compile(rf"as an? (?:[\w'-]+ )?(?:{_any(manners.purposes())})\b")
 
 
 @lru_cache
@@ -179,7 +186,9 @@ def _asking() -> re.Pattern[str]:
         *("now", "again", "clockwise", "counterclockwise", "anticlockwise", "every", "each"),
     ]
     other_words = rf"{amount}|{curve}|{limb}|{_any(other)}"
-    return re.compile(rf"(?<![\w'-])(?:{pace}|{speed}|(?P<request>{request})|{other_words})(?![\w'-])")
+    alone = r"(?!left (?:alone|behind|out|over))"  # "a man left alone" goes nowhere
+    words = rf"{pace}|{speed}|(?P<request>{request})|{other_words}"
+    return re.compile(rf"(?<![\w'-]){alone}(?:{words})(?![\w'-])")
 
 
 def _any(words: Iterable[str]) -> str:

@@ -62,6 +62,11 @@ def manner_nouns() -> tuple[str, ...]:
     return tuple(_file()["nouns"])
 
 
+def purposes() -> tuple[str, ...]:
+    """What a motion may be meant as, which is no manner: "as a greeting"."""
+    return tuple(_file()["purposes"])
+
+
 def unknown_manners() -> tuple[str, ...]:
     """Phrases that say a manner of none of these kinds, for a listener."""
     return tuple(_file()["unknown"])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from flexmotion.text.amounts import Amount, Token, is_mark
 from flexmotion.text.clause import Asks
+from flexmotion.text.postures import body_parts
 from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.relative import asked_change
 from flexmotion.text.vocabulary import vocabulary
@@ -122,6 +123,10 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             parts[-1].dropped.append(plain(tokens[place:end]))
             place = end
             continue
+        if end := _done_beside(tokens, place, parts[-1].tokens):
+            parts[-1].dropped.append(plain(tokens[place:end]))
+            place = end
+            continue
         if token == "while":  # "while walking, wave"
             end = _next_joint(tokens, place + 1)
             parts[-1].dropped.append(plain(tokens[place:end]))
@@ -214,6 +219,33 @@ def _pauses_between(tokens: list[Token], place: int) -> bool:
     pauses = vocabulary().words("pauses")
     opens = rest[:1] == ["with"] or (len(rest) > 0 and rest[0] in pauses and stem(str(rest[0])) != rest[0])
     return opens and "between" in rest and any(token in pauses for token in rest)
+
+
+def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
+    """Where what is done beside a motion ends, if it begins at a place ("walk carrying a box to the left"); else 0.
+
+    An amount, a time or a direction behind it belongs to the motion.
+    """
+    known = vocabulary()
+    if tokens[place] not in known.words("doing") or not any(_moves(one) for one in before):
+        return 0
+    end = _next_joint(tokens, place)
+    for index in range(place + 1, end):
+        token = tokens[index]
+        named = index + 1 < end and tokens[index + 1] in body_parts()  # "in your left hand"
+        if isinstance(token, Amount) or (token in known.words("directions") and not named):
+            end = index
+            while end > place + 1 and tokens[end - 1] in ("for", "to", "the", "by", "your", "toward", "towards"):
+                end -= 1
+            break
+    return end
+
+
+def _moves(token: Token) -> bool:
+    """Whether a word names a motion: "walk", "walking", "a man walks"."""
+    known = vocabulary()
+    motions = known.words("paths") | known.words("single_motions") | {"stand"}
+    return isinstance(token, str) and bool({stem(token), token.removesuffix("s")} & motions)
 
 
 def _runs_on(tokens: list[Token], place: int, before: list[Token]) -> bool:

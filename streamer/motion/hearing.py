@@ -99,7 +99,7 @@ class Hearing:
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
-            several = len([clause for clause in clauses if not _changes_last(clause)]) > 1
+            several = len([clause for clause in wanted if not _changes_last(clause)]) > 1
             for clause in wanted:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")

@@ -566,6 +566,48 @@ def test_a_walk_as_an_old_man_is_one_like_an_old_man(hearing: Hearing) -> None:
     assert hear(hearing, "wave as a greeting").heard.state == "accepted"
 
 
+def test_a_walk_as_a_penguin_is_told_not_to_be_one(hearing: Hearing) -> None:
+    """Went wrong: of "as a", only listed manners were heard, and the others were told nowhere."""
+    heard = hear(hearing, "walk as a penguin").heard
+    assert (heard.state, heard.heard_as, heard.dropped) == ("partly", "walk", ("as a penguin",))
+
+
+def test_a_comparison_with_somebody_who_did_something_goes_nowhere(hearing: Hearing) -> None:
+    """Went wrong: "an old man who fell back" walked back, and "a man left alone" turned left."""
+    fell = hear(hearing, "walk like an old man who fell back").heard
+    assert (fell.state, fell.heard_as, fell.dropped) == ("partly", "walk", ("like an old man who fell back",))
+    assert hear(hearing, "walk like a man left alone").heard.heard_as == "walk"
+    assert hear(hearing, "walk like a man left").heard.heard_as == "walk-turn-left"
+
+
+@pytest.mark.parametrize(
+    ("say", "kind", "dropped", "amount"),
+    [
+        ("walk carrying a box", "walk", "carrying a box", None),
+        ("walk carrying a box for five seconds", "walk", "carrying a box", 5.0),
+        ("walk singing 2 metres", "walk", "singing", 2.0),
+        ("walk carrying a tray to the left", "walk-left", "carrying a tray", None),
+        ("walk carrying a cup in your left hand", "walk", "carrying a cup in your left hand", None),
+        ("keep walking, singing", "walk", "singing", None),
+        ("a man walks dragging his feet", "walk", "dragging his feet", None),
+        ("bow smiling twice", "bow", "smiling", 2.0),
+    ],
+)
+def test_what_is_to_be_done_beside_a_motion_is_told_as_left_out(
+    hearing: Hearing, say: str, kind: str, dropped: str, amount: float | None
+) -> None:
+    """Went wrong: "walk carrying a box" was accepted as a walk, and "keep walking, singing" stood still."""
+    heard = hear(hearing, say).heard
+    assert (heard.state, heard.heard_as, heard.dropped) == ("partly", kind, (dropped,))
+    assert heard.steps[0].amount == (amount and pytest.approx(amount, rel=1e-3))
+
+
+@pytest.mark.parametrize("say", ["walk, no turning", "walk, don't turn", "walk but do not turn"])
+def test_a_walk_goes_on_beside_what_is_forbidden(hearing: Hearing, say: str) -> None:
+    """Went wrong: a prohibition counted as a second request, and the walk ended after 4 s."""
+    assert [(step.kind, step.amount) for step in hear(hearing, say).steps] == [("walk", None)]
+
+
 @pytest.mark.parametrize("say", ["walk like an old man", "walk backward", "turn left like an old man"])
 def test_a_walk_within_the_pace_goes_slower_and_faster(hearing: Hearing, say: str) -> None:
     """Went wrong: a walk like an old man was at its smallest speed already, and at its greatest."""
