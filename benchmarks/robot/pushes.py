@@ -67,6 +67,7 @@ class Trial:
         direction_deg: of the push, from the robot's heading, counterclockwise.
         size: impulse [N·s].
         steps: fewest steps that capture it; -1: it is not recoverable.
+        steps_after: fewest steps that capture what the robot has become by its end; -1: none do.
         upright: the robot did not fall.
         landings: of feet, by plan, in the seconds after the push.
         violations: goals outside the servos' envelope.
@@ -79,6 +80,7 @@ class Trial:
     direction_deg: float
     size: float
     steps: int
+    steps_after: int
     upright: bool
     landings: int
     violations: int
@@ -141,15 +143,19 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
     steps = needed_steps(session, driver, np.array([x, y]))
     single = not session.state.contacts.all()
     driver.push((float(x), float(y), 0.0), PUSHED_S)
-    upright, landings, before = True, 0, session.state.contacts
-    for _ in range(round(AFTER_S * session.robot.rate_hz)):
+    upright, landings, before, steps_after = True, 0, session.state.contacts, -1
+    for tick in range(round(AFTER_S * session.robot.rate_hz)):
+        if tick == round(PUSHED_S * session.robot.rate_hz):
+            steps_after = needed_steps(session, driver, np.zeros(2))
         if not session.step() or driver.torso_up < UPRIGHT or session.state.ladder is State.DAMPED:
             upright = False
             break
         contacts = session.state.contacts
         landings += int((contacts & ~before).sum())
         before = contacts
-    return Trial(walk, seed, phase, single, direction_deg, size, steps, upright, landings, driver.violations)
+    return Trial(
+        walk, seed, phase, single, direction_deg, size, steps, steps_after, upright, landings, driver.violations
+    )
 
 
 def moments(walk: str, seed: int, phases: int, robot: Robot) -> Iterator[tuple[Session, float]]:
@@ -251,8 +257,24 @@ def quarter(trial: Trial) -> str:
 
 
 def table(walk: str, trials: list[Trial]) -> Table:
-    """One row a size: share upright, in all directions and in each."""
-    out = Table("N·s", "pushes", "upright", "recoverable", "of these upright", *QUARTERS, "one foot", "two", title=walk)
+    """One row a size: share upright, in all directions and in each.
+
+    "Recoverable" knows the push before it begins. "At its end" is what the robot has become by then, before most of an
+    answer: what is lost by then, no later answer wins back. Behind both stands the share of these pushes upright.
+    """
+    names = (
+        "N·s",
+        "pushes",
+        "upright",
+        "recoverable",
+        "upright",
+        "at its end",
+        "upright",
+        *QUARTERS,
+        "one foot",
+        "two",
+    )
+    out = Table(*names, title=walk)
     for size in sorted({t.size for t in trials}):
         own = [t for t in trials if t.size == size]
         can = [t for t in own if t.recoverable]
@@ -260,7 +282,9 @@ def table(walk: str, trials: list[Trial]) -> Table:
         groups += [[t for t in own if t.single], [t for t in own if not t.single]]
         cells = [percent([t.upright for t in group]) for group in (own, can)]
         shares = [percent([t.upright for t in group]) for group in groups]
-        out.add_row(f"{size:g}", str(len(own)), cells[0], percent([t.recoverable for t in own]), cells[1], *shares)
+        left = [t for t in own if t.steps_after >= 0]
+        cells += [percent([t.steps_after >= 0 for t in own]), percent([t.upright for t in left])]
+        out.add_row(f"{size:g}", str(len(own)), cells[0], percent([t.recoverable for t in own]), *cells[1:], *shares)
     return out
 
 
@@ -275,6 +299,7 @@ def figures_of(trials: list[Trial]) -> dict[str, dict[str, float]]:
             "upright": share([t.upright for t in own]),
             "recoverable": share([t.recoverable for t in own]),
             "recoverable_upright": share([t.upright for t in can]),
+            "recoverable_at_its_end": share([t.steps_after >= 0 for t in own]),
             "without_a_step": share([t.steps == 0 for t in own]),
             "landings": float(np.mean([t.landings for t in own])),
         }
@@ -293,6 +318,8 @@ def verdicts(trials: list[Trial]) -> list[Verdict]:
     text = (
         f"of {len(can)} recoverable pushes ({len(trials)} in all) upright {percent(can)} (>= {100 * RECOVERABLE:.0f} %)"
     )
+    left = [t.upright for t in trials if t.recoverable and t.steps_after >= 0]
+    text += f"; of {len(left)} that are so when the push ends {percent(left)}"
     sent = sum(t.violations for t in trials)
     return [
         *found,
