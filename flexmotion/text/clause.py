@@ -11,6 +11,8 @@ from flexmotion.text.paces import Rate
 NO_KNOWN_WORD = "none of its words is known; the model hears English"
 """Refusal of words that a listener may still take for something."""
 
+UNITS = "say metres, steps, degrees, seconds or times"
+"""Behind a number without a unit."""
 SAY_A_SPEED = "say one speed with the motion that has it, as in 'walk forward at 0.5 m/s'"
 """Refusal of a speed with a unit that is of no motion."""
 

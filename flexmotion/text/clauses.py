@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark
-from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, Asks, Clause
+from flexmotion.text.clause import NO_KNOWN_WORD, ONE_SPEED, PER_TIME, SAY_A_SPEED, UNITS, Asks, Clause
 from flexmotion.text.clause_amounts import (
     amounts_of,
     counts_nothing,
@@ -87,7 +87,9 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         notes.append(f"{amount.said!r} is taken as {amount}")
     bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
     if bare or counts_nothing(tokens):
-        return Clause(said, plain(tokens), refusal="the number in it has no unit that is known")
+        return Clause(
+            said, plain(tokens), refusal=f"{_unitless(tokens)!r}: the number has no unit that is known; {UNITS}"
+        )
     if (unread := unread_number(tokens)) is not None:
         return Clause(said, plain(tokens), refusal=unread)
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
@@ -115,6 +117,10 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
     places = destinations(words)
+    if _comes(own):
+        notes.append("the robot does not know where you are: it walks straight ahead")
+    if own[:3] == ["turn", "to", "face"] and words != own:
+        notes.append(f"taken as {' '.join(words)!r}: the robot knows no places")
     if amount is None:
         ends = None if until_told or plain_stop else condition
         refusal = refusal or unbounded(ends, places[0] if places else None)
@@ -138,6 +144,26 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         more=more,
         verbless=not has_verb(own),
     )
+
+
+def _unitless(tokens: Sequence[Token]) -> str:
+    """The number that counts nothing known, with the word behind it: "45 degres"."""
+    numbers = vocabulary().table["numbers"]
+    counts = (
+        place for place, one in enumerate(tokens) if isinstance(one, Bare) or str(one).isdigit() or one in numbers
+    )
+    first = next(counts, 0)
+    return plain(list(tokens[first : first + 2]))
+
+
+def _comes(words: list[str]) -> bool:
+    """Whether a walk is one to who says it: "come here", "walk towards me"."""
+    known = vocabulary()
+    if words[:1] in (["come"], ["approach"]):
+        return True
+    walks = bool(words) and words[0] in known.words("walk_verbs") | known.words("paths")
+    toward = zip(words, words[1:], strict=False)
+    return walks and any(one in ("to", "towards", "toward") and who in ("me", "us") for one, who in toward)
 
 
 def _no_speed(tokens: Sequence[Token]) -> str | None:

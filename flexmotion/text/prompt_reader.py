@@ -160,8 +160,7 @@ class PromptReader:
             warning = f"{sentence!r}: {reason}; the model stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if kind not in self.offered:
-            name = kind.replace("-", " ")
-            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; {self._offer(likeness)}"
+            warning = f"{sentence!r}: this model cannot {_wording(kind)} yet, it stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
         # Standing has one manner.
         manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)

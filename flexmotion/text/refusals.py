@@ -29,7 +29,7 @@ def refusal_of(words: list[str]) -> str | None:
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
-            return _not_done(phrase)
+            return _not_done(phrase if phrase.split()[0] != "carry" else "carry")
     if limits := [word for word in words if word in known.words("restricting")]:
         return f"{limits[0]!r}: a restriction of the robot; say it in a sentence of its own"
     if " take off " in text and not any(f" take off {word} " in text for word in known.words("harmed") | {"your"}):
@@ -38,6 +38,10 @@ def refusal_of(words: list[str]) -> str | None:
         return _not_done(words[0])
     if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
+    if part := _moved_trunk(words, text):
+        return f"{part!r}: no motion of it alone; say 'turn left 30 degrees', and the whole robot turns"
+    if _moves_arm(words):
+        return "say what the arm does: raise it, lower it, hold it out, stretch it, wave or point"
     if target := _unknown_target(words, text):
         return f"{target!r}: the robot does not know where that is; say left, right, up, down or behind you"
     if _places_foot(words):
@@ -55,6 +59,23 @@ def refusal_of(words: list[str]) -> str | None:
 def _not_done(what: str) -> str:
     tries = "say for example 'walk forward', 'look up' or 'shrug' (flexmotion bundles lists all)"
     return f"no model and no robot of this project does {what!r}; {tries}"
+
+
+def _moved_trunk(words: list[str], text: str) -> str | None:
+    """The part of the trunk that a request turns or moves; None where it does not."""
+    known = vocabulary()
+    if words[:1] and words[0] in known.words("turn_verbs") | {"move", "tilt", "shift"}:
+        return next((part for part in known.table["trunk"] if f" {words[0]} your {part} " in text), None)
+    return None
+
+
+def _moves_arm(words: list[str]) -> bool:
+    """Whether words move an arm and say no more than to which side: "move your hand to the left"."""
+    known = vocabulary()
+    if words[:1] != ["move"] or not known.words("limbs") & set(words):
+        return False
+    sideways = {"to", "sideways", "around", "aside", "more", "little", "bit"}
+    return set(words[1:]) <= known.words("limbs") | known.words("limb_owners") | sideways
 
 
 def _places_foot(words: list[str]) -> bool:

@@ -163,7 +163,11 @@ def parts_of(tokens: list[Token]) -> list[Part]:
         parts[-1].tokens.append(token)
         place += 1
     open_part("then")
-    return _first_first([part for part in parts if part.tokens or part.dropped])
+    found = _first_first([part for part in parts if part.tokens or part.dropped])
+    if len(found) == 1 and "both" in found[0].tokens:
+        # "wave both hands at the same time"
+        found[0].dropped = [words for words in found[0].dropped if words not in at_once]
+    return found
 
 
 def _first_first(parts: list[Part]) -> list[Part]:

@@ -35,7 +35,14 @@ def shaped(
         wanted = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
         return turning_words(text), wanted, None
     verb = words[0] if words and words[0] in known.verbs else None
-    if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
+    arm = verb == "move" and bool(known.words("limbs") & set(words))  # "move your left arm up by 20 degrees"
+    if words[:3] == ["turn", "to", "face"] and len(sides(text)) == 1:
+        return turning_words(text), amount, None
+    if (
+        quantity == "angle"
+        and not arm
+        and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs"))
+    ):
         full = amount is not None and abs(amount.value) % pi < 1e-6
         if len(sides(text)) != 1 and not full:
             return words, amount, TO_WHICH_SIDE
@@ -87,7 +94,8 @@ def destinations(words: list[str]) -> list[str]:
             own = known.words("undestined") | known.words("directions") | known.words("look")
             if phrase == "into" and _names_motion(rest):
                 continue
-            if rest and not any(word in own for word in rest):
+            thing = bool(known.words("room_things") & set(rest))
+            if thing or (rest and not any(word in own for word in rest)):
                 return [" ".join(words[place:])]
     return []
 

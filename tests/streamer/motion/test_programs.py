@@ -187,6 +187,50 @@ def test_what_no_robot_does_is_refused_with_what_can_be_said(hearing: Hearing) -
     assert len(tries) == 3 and all(moves(hear(hearing, text)) for text in tries)
 
 
+@pytest.mark.parametrize(
+    ("say", "reason"),
+    [
+        ("move your left arm up by 20 degrees", "measured in seconds or times"),
+        ("move your hand to the left", "say what the arm does"),
+        ("move your arms", "say what the arm does"),
+        ("shift your weight to the left", "shift your weight"),
+        ("rotate your torso left 30 degrees", "no motion of it alone"),
+        ("turn your upper body to the left", "no motion of it alone"),
+        ("walk to the left wall", "a place: the robot knows none"),
+        ("walk to the door on the right", "a place: the robot knows none"),
+        ("carry a box", "does 'carry'"),
+    ],
+)
+def test_words_of_arms_trunk_and_things_move_no_leg(hearing: Hearing, say: str, reason: str) -> None:
+    """Went wrong: an arm moved "by 20 degrees" turned the robot, "to the left wall" stepped aside without an end."""
+    program = hear(hearing, say)
+    assert program.heard.state == "refused" and reason in str(program.heard.reason) and not moves(program)
+
+
+@pytest.mark.parametrize("say", ["come here", "walk towards me", "come to me slowly"])
+def test_a_walk_to_who_says_it_is_told_to_go_straight_ahead(hearing: Hearing, say: str) -> None:
+    """Went wrong: "come here" walked ahead, wherever the person was, and nothing was told."""
+    heard = hear(hearing, say).heard
+    assert heard.heard_as == "walk" and "does not know where you are" in heard.notes[0]
+
+
+def test_a_turn_to_a_thing_at_a_side_is_one_to_that_side(hearing: Hearing) -> None:
+    """Went wrong: only the head turned."""
+    heard = hear(hearing, "turn to face the window on your left").heard
+    assert heard.heard_as == "walk-turn-left" and "no places" in heard.notes[0]
+
+
+def test_what_both_hands_do_at_once_is_no_more_than_what_they_do(hearing: Hearing) -> None:
+    """Went wrong: "at the same time" was told as left out."""
+    assert hear(hearing, "wave both hands at the same time").heard.state == "accepted"
+
+
+def test_a_number_without_a_unit_is_named(hearing: Hearing) -> None:
+    """Went wrong: of "trun left 45 degres" only "the number in it" was told, and of a dance that it is called short."""
+    assert "'45 degres'" in str(hear(hearing, "trun left 45 degres").heard.reason)
+    assert "cannot dance yet" in str(hear(hearing, "can you dance?").heard.reason)
+
+
 def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
     """What follows a step that cannot be done would be done in another place than it was meant for."""
     program = hear(hearing, "wave, then jump over the gap, then walk two metres")
