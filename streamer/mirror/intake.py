@@ -59,6 +59,10 @@ class Intake:
             self.unreadable += 1
             self._tell(f"mirror: a datagram from {address[0]} is no frame: {error}")
             return
+        except Exception as error:  # of a library that reads them: no datagram ends the process
+            self.unreadable += 1
+            self._tell(f"mirror: a datagram from {address[0]} cannot be read: {type(error).__name__}: {error}")
+            return
         for frame in frames:
             if self.senders.heard(address, now_s):
                 self._clock = SenderClock()
