@@ -115,3 +115,15 @@ def test_the_person_is_told_once_measured() -> None:
     for at, datagram in clip_frames(shipped(3.0)):
         intake.take(datagram, SENDER, at)
     assert sum("is measured" in note for note in notes) == 1
+
+
+def test_the_operator_is_told_what_of_the_person_was_not_seen_yet() -> None:
+    """Nothing told why a person with one hand out of the picture was not followed."""
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+    for at, datagram in clip_frames(shipped(3.0)):
+        frame = json.loads(datagram)
+        frame["joints"]["left_wrist"] = None
+        intake.take(json.dumps(frame).encode(), SENDER, at)
+    (note,) = [note for note in notes if "is measured" in note]
+    assert note.endswith("without what is not seen yet: left_wrist")
