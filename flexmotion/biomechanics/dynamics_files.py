@@ -180,18 +180,6 @@ def dynamics_writer(path: Path) -> Callable[[Path, ClipAnalysis], dict[Path, byt
     return writer
 
 
-def write_dynamics(path: Path, clip: ClipAnalysis) -> list[Path]:
-    """Write a clip in the format of a path's suffix; returns the files.
-
-    Raises:
-        ConfigError: the suffix is unknown.
-        OSError: a file cannot be written; then none of them is.
-    """
-    contents = dynamics_writer(path)(path, clip)
-    write_files(contents)
-    return list(contents)
-
-
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Write every file completely before the first takes its name; raises `OSError` where one cannot be written."""
     unfinished = {path: path.with_name(f".{path.name}.{os.getpid()}.unfinished") for path in contents}

@@ -66,11 +66,6 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.points["hip_l"])
 
-    @property
-    def has_arms(self) -> bool:
-        """Whether the file has elbows and wrists of both sides."""
-        return self.has_arm("l") and self.has_arm("r")
-
     def has_arm(self, side: str) -> bool:
         """Whether the file has elbow and wrist of a side."""
         return all(f"{point}_{side}" in self.points for point in ("elbow", "wrist"))

@@ -1,6 +1,7 @@
 """`LivePerson`: frames of a person as they come, to poses at a fixed rate; causal.
 
-The body is measured from the first second. After that a pose depends on the frames up to it alone.
+The body is measured from the first second, and anew once a part is seen that was not seen then. After that a pose
+depends on the frames up to it alone.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from flexmotion.importers.fit import Measures, measure, posed
 from flexmotion.importers.frame import Frame, Skeleton, capture_of
 from flexmotion.importers.frame_check import FASTEST, FrameCheck, leg_length
 from flexmotion.importers.hip_path import HipPath
-from flexmotion.importers.landmarks import all_landmarks
+from flexmotion.importers.landmarks import Landmarks, all_landmarks
 from flexmotion.importers.mapping import OPTIONAL_POINTS, SkeletonMapping, find_mapping, markers
 from flexmotion.importers.one_euro import OneEuro
 from flexmotion.importers.units import LEG, METRES, TO_Z_UP
@@ -90,6 +91,8 @@ class LivePerson:
         self.fps, self.refused = fps, dict.fromkeys(REASONS, 0)
         self.trouble: str | None = None
         self._wanted, self._stream = mapping, 0
+        self._measures: Measures | None = None
+        self._unseen: list[str] = []  # points that the person was measured without
         self._known: Float | None = None  # positions in the last frame that was used
         self._others_since: float | None = None  # since when another body or skeleton has been seen
         self._begin(None)
@@ -98,6 +101,11 @@ class LivePerson:
     def measured(self) -> bool:
         """Whether the body is known."""
         return self._measures is not None
+
+    @property
+    def unseen(self) -> list[str]:
+        """Joints of the skeleton that the measured person is fitted without: they have not been seen yet."""
+        return [] if self._mapping is None else [self._mapping.joints[point] for point in self._unseen]
 
     def take(self, frame: Frame, time_s: float) -> list[LivePose]:
         """The poses that a frame completes, oldest first.
@@ -125,6 +133,9 @@ class LivePerson:
         if reason is not None:
             return self._refuse(frame, time_s, reason)
         self._others_since = None
+        if any(np.isfinite(points[point]).all() for point in self._unseen):  # for the first time
+            self._measures, self._unseen = None, []
+            self._pause()
         self._check.take(time_s, points)
         self._known = frame.positions
         return self._taken(frame, time_s)
@@ -133,7 +144,7 @@ class LivePerson:
         """Begin with another skeleton or person."""
         self._skeleton, self._mapping = skeleton, None
         self._columns: dict[str, NDArray[np.intp]] = {}
-        self._measures: Measures | None = None
+        self._measures, self._unseen = None, []
         self._floor = 0.0
         self._check = FrameCheck()
         self._others_since = None
@@ -229,20 +240,24 @@ class LivePerson:
         return replace(pose, root_position=pose.root_position - [0.0, 0.0, self._floor])
 
     def _posed(self, frames: list[Frame], measures: Measures) -> Motion:
+        return posed(self._landmarks(frames), measures)
+
+    def _landmarks(self, frames: list[Frame]) -> Landmarks:
+        """Points of frames, as those of a file that lacks what was not seen yet. Raises `MotionFormatError`."""
         assert self._mapping is not None
-        skeleton = frames[-1].skeleton
-        found = all_landmarks(capture_of(frames, self.fps), self._mapping, units=skeleton.units, up=skeleton.up)
-        return posed(found, measures)
+        joints = {point: joint for point, joint in self._mapping.joints.items() if point not in self._unseen}
+        mapping, skeleton = self._mapping.model_copy(update={"joints": joints}), frames[-1].skeleton
+        return all_landmarks(capture_of(frames, self.fps), mapping, units=skeleton.units, up=skeleton.up)
 
     def _measure(self) -> None:
-        assert self._mapping is not None
         frames, self._first = self._first, []
-        skeleton = frames[-1].skeleton
-        capture = capture_of(frames, self.fps)
-        if not np.isfinite(capture.positions[:, np.concatenate(list(self._columns.values()))]).all():
-            return  # an arm was not seen yet
+        known = np.isfinite(np.stack([frame.positions for frame in frames]))
+        seen = {point: known[:, at].all(axis=(1, 2)) for point, at in self._columns.items()}
+        if any(one.any() and not one.all() for one in seen.values()):
+            return  # a part came into the picture meanwhile
+        self._unseen = [point for point, one in seen.items() if not one.all()]
         try:
-            found = all_landmarks(capture, self._mapping, units=skeleton.units, up=skeleton.up)
+            found = self._landmarks(frames)
         except MotionFormatError:
             self.refused["no human"] += len(frames)
             return

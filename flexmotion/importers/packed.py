@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
-import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
@@ -34,12 +32,3 @@ def read_packed(path: str, content: Mapping[str, NDArray], clip: str | None) -> 
         wanted = "name one of" if clip is None else f"no clip {clip!r} among"
         raise MotionFormatError(f"{path}: {wanted} its {len(content)} clips ({few}, …)")
     return joints22(content[clip], FPS, f"{path}:{clip}")
-
-
-def packed_clips(path: Path) -> Iterator[str]:
-    """Names of the clips in a packed file, without reading them. Raises `MotionFormatError`."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            yield from archive.files
-    except (OSError, ValueError) as error:
-        raise MotionFormatError(f"{path}: cannot be read as packed clips ({error})") from error

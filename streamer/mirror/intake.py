@@ -59,6 +59,10 @@ class Intake:
             self.unreadable += 1
             self._tell(f"mirror: a datagram from {address[0]} is no frame: {error}")
             return
+        except Exception as error:  # of a library that reads them: no datagram ends the process
+            self.unreadable += 1
+            self._tell(f"mirror: a datagram from {address[0]} cannot be read: {type(error).__name__}: {error}")
+            return
         for frame in frames:
             if self.senders.heard(address, now_s):
                 self._clock = SenderClock()
@@ -87,7 +91,8 @@ class Intake:
         if self.person.trouble is not None:
             self._tell(f"mirror: {self.person.trouble}")
         if height is not None and not self._told_height:
-            self._on_note(f"mirror: a person of {height:.2f} m is measured")
+            without = f", without what is not seen yet: {', '.join(self.person.unseen)}" if self.person.unseen else ""
+            self._on_note(f"mirror: a person of {height:.2f} m is measured{without}")
         # The frame that ends the measurement brings no pose yet; another person is told anew.
         self._told_height = self.person.measured and (self._told_height or height is not None)
 

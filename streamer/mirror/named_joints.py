@@ -82,9 +82,7 @@ def _position(field: str, value: Any) -> tuple[float, float, float]:
         return (math.nan,) * 3
     if not isinstance(value, list) or len(value) != 3:
         raise FrameError(f"{field}: expected [x, y, z]")
-    if not all(one is None or (isinstance(one, int | float) and not isinstance(one, bool)) for one in value):
-        raise FrameError(f"{field}: expected three numbers")
-    x, y, z = (math.nan if one is None else float(one) for one in value)
+    x, y, z = (math.nan if one is None else _number(one, f"{field}: expected three numbers") for one in value)
     return x, y, z
 
 
@@ -92,6 +90,18 @@ def _time(content: dict[str, Any]) -> float | None:
     stamp = content.get("t")
     if stamp is None:
         return None
-    if not isinstance(stamp, int | float) or isinstance(stamp, bool) or not math.isfinite(stamp):
-        raise FrameError("t: expected seconds on the sender's clock")
-    return float(stamp)
+    wrong = "t: expected seconds on the sender's clock"
+    time_s = _number(stamp, wrong)
+    if not math.isfinite(time_s):
+        raise FrameError(wrong)
+    return time_s
+
+
+def _number(value: Any, wrong: str) -> float:
+    """A number of JSON. Raises `FrameError` (`wrong`) for other values, and for integers that no float holds."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise FrameError(wrong)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise FrameError(wrong) from error

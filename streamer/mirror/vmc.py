@@ -54,6 +54,9 @@ TOES = (0.0, -0.08, 0.16)
 """Toe joint in the ankle's frame as a share of the leg's length, for models without toes: 7 cm lower and 13 cm ahead
 of an adult's (the `Segments` of 1.75 m: ankle 11 cm above the sole, toe joint 10 cm ahead of it, 3 cm high)."""
 
+BUNDLE, HEADER_BYTES, DEEPEST = b"#bundle\0", 16, 8
+"""How a bundle begins, its length before the first element (with a time tag), and how deep bundles may be nested."""
+
 Pose = tuple[Float, Float]
 
 
@@ -67,6 +70,8 @@ class VmcReader:
 
     def take(self, datagram: bytes) -> list[Frame]:
         """The frames that a datagram completes. Raises `FrameError` where it is no OSC, or not as the protocol says."""
+        if datagram.startswith(BUNDLE):
+            _check_bundle(datagram)
         try:
             messages = OscPacket(datagram).messages
         except (ParseError, ValueError, IndexError) as error:
@@ -76,11 +81,11 @@ class VmcReader:
             address, values = timed.message.address, list(timed.message.params)
             if address == BONE:
                 name = values[0] if values else None
-                if name not in PARENTS:
+                if not isinstance(name, str) or name not in PARENTS:
                     continue  # fingers, eyes, the jaw
                 if name in self._bones:
                     self._finish(frames)
-                self._bones[str(name)] = _pose(f"{BONE} {name}", values[1:])
+                self._bones[name] = _pose(f"{BONE} {name}", values[1:])
             elif address == ROOT:
                 self._root = _pose(ROOT, values[1:])
             elif address == TIME:
@@ -90,7 +95,7 @@ class VmcReader:
                 self._finish(frames)
             elif address == STATE:
                 self._finish(frames)
-        if datagram.startswith(b"#bundle"):
+        if datagram.startswith(BUNDLE):
             self._finish(frames)
         return frames
 
@@ -100,6 +105,23 @@ class VmcReader:
             return
         frames.append(_frame(self._bones, self._root, self._time_s))
         self._bones, self._time_s = {}, None
+
+
+def _check_bundle(bundle: bytes, depth: int = 1) -> None:
+    """Raise `FrameError` where elements do not lie one behind the other: python-osc follows any size, also back."""
+    if depth > DEEPEST:
+        raise FrameError(f"OSC: bundles in bundles, expected at most {DEEPEST} deep")
+    begin = HEADER_BYTES
+    while begin < len(bundle):
+        size = int.from_bytes(bundle[begin : begin + 4], "big", signed=True)
+        begin, end = begin + 4, begin + 4 + size
+        if size < 4 or size % 4 or end > len(bundle):
+            raise FrameError(f"OSC: an element of {size} bytes, expected a multiple of 4 that lies in its bundle")
+        if bundle.startswith(BUNDLE, begin, end):
+            _check_bundle(bundle[begin:end], depth + 1)
+        elif not bundle.startswith(b"/", begin, end):
+            raise FrameError("OSC: an element that is neither a message nor a bundle")
+        begin = end
 
 
 def _pose(field: str, values: list[Any]) -> Pose:

@@ -57,7 +57,7 @@ class Feed:
 
     def opened(self) -> list[str]:
         """What a page is sent first: the last half minute."""
-        curves = json.dumps({"type": "curves", "names": NAMES, "samples": list(self.curves.samples), "begin": True})
+        curves = _text({"type": "curves", "names": NAMES, "samples": list(self.curves.samples), "begin": True})
         return [curves, *self._happened, *self._told]
 
     def update(self) -> tuple[bytes | None, list[str]]:
@@ -78,11 +78,11 @@ class Feed:
             self._target_ms = 1e3 * float(followed[-1])
         new = self.curves.take(rows)
         if new:
-            texts.append(json.dumps({"type": "curves", "samples": new}))
+            texts.append(_text({"type": "curves", "samples": new}))
         now = time.monotonic()
         if now - self._health_s >= _HEALTH_S:
             self._health_s = now
-            texts.append(json.dumps(self._figures(rows[-1])))
+            texts.append(_text(self._figures(rows[-1])))
         return self.pictures.of(rows[-1]), texts
 
     def _figures(self, row: Row) -> dict[str, Any]:
@@ -110,7 +110,7 @@ class Feed:
     def _asked(self, heard: Heard) -> str:
         content = heard.model_dump(mode="json", exclude_none=True)
         source = self.source_of(heard.id) if heard.id else "script"
-        return json.dumps({"type": "heard", "source": source, **content})
+        return _text({"type": "heard", "source": source, **content})
 
 
 def _event(event: Event, rate_hz: float, simulated: bool) -> str:
@@ -119,7 +119,12 @@ def _event(event: Event, rate_hz: float, simulated: bool) -> str:
         known = {"headline": headline, "advice": advice}
         told = {name: of(event.message, simulated=simulated) for name, of in known.items()}
         content |= {name: text for name, text in told.items() if text is not None}
-    return json.dumps(content)
+    return _text(content)
+
+
+def _text(content: dict[str, Any]) -> str:
+    """Content as JSON. Raises `ValueError` where a number is not finite: no browser can read it."""
+    return json.dumps(content, allow_nan=False)
 
 
 def _number(value: float | None, digits: int) -> float | None:

@@ -18,6 +18,9 @@ Row = np.ndarray[Any, Any]
 
 WINDOW_S, LOAD_S = 5.0, 1.0
 """Windows of lateness and work, and of load [s]."""
+MOST_LOAD = 9.99
+"""Greatest share of an envelope that is shown. A servo at its temperature limit gives no torque, and its share
+is infinite."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +73,11 @@ class Health:
         return _percentile(self._work, percentile)
 
     def hardest(self, count: int) -> list[Load]:
-        """The joints with the highest load, highest first; fewer if torques are unknown."""
+        """The joints with the highest load, highest first; none before the first row."""
         if not self._loads:
             return []
         rms = np.sqrt(np.mean(np.square(np.stack(self._loads)), axis=0))
-        order = [int(joint) for joint in np.argsort(-rms) if np.isfinite(rms[joint])]
-        return [Load(self.robot.joint_names[joint], float(rms[joint])) for joint in order[:count]]
+        return [Load(self.robot.joint_names[joint], float(rms[joint])) for joint in np.argsort(-rms)[:count]]
 
 
 def torque(rows: Row) -> Float:
@@ -87,9 +89,12 @@ def torque(rows: Row) -> Float:
 
 
 def load(envelope: Envelope, rows: Row) -> Float:
-    """Share of the envelope that each joint uses, (k, n), at the speed, supply and temperature measured."""
+    """Share of the envelope that each joint uses, (k, n), at the speed, supply and temperature measured.
+
+    At most `MOST_LOAD`, and finite.
+    """
     now = envelope.at(rows["voltage"], rows["temperature"])
-    return now.load(torque(rows), np.nan_to_num(rows["qd"]))
+    return np.fmin(now.load(torque(rows), np.nan_to_num(rows["qd"])), MOST_LOAD)
 
 
 def _percentile(values: deque[float], percentile: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from multiprocessing.process import BaseProcess
 
 from flexmotion.drivers.realtime import child
@@ -15,6 +16,9 @@ _SILENT_S = 0.6
 """A planner without a heartbeat for this long is reported [s]."""
 _HUNG_S = 10.0
 """A planner without a heartbeat for this long is ended, and counts as dead [s]."""
+_OPENING_S = 30.0
+"""A planner without a heartbeat this long after its start is ended, and counts as dead [s]. A slow machine takes 10 s
+to load a bundle and warm up."""
 MOST_RESTARTS = 3
 """In a run: a planner that dies again and again has a cause that a person must find."""
 
@@ -58,12 +62,11 @@ class PlannerGuard:
             self._dead()
             return
         age_s = self.heartbeat.age_s
-        if age_s is None:
-            return  # it is being started
-        if age_s > _HUNG_S:
-            self._process.kill()
-            self._process.join()
-            self._restart(f"the planner has not run for {_HUNG_S:g} s and was ended")
+        if age_s is None:  # it is being started
+            if time.perf_counter_ns() - self._started_ns > _OPENING_S * 1e9:
+                self._hung(f"the planner did not begin to run within {_OPENING_S:g} s and was ended")
+        elif age_s > _HUNG_S:
+            self._hung(f"the planner has not run for {_HUNG_S:g} s and was ended")
         elif (age_s > _SILENT_S) != self._silent:
             self._silent = not self._silent
             if self._silent:
@@ -74,6 +77,11 @@ class PlannerGuard:
     def end(self) -> None:
         """End the process."""
         child.end(self._process, patience_s=0.0)
+
+    def _hung(self, failure: str) -> None:
+        self._process.kill()
+        self._process.join()
+        self._restart(failure)
 
     def _dead(self) -> None:
         if self._process.exitcode:
@@ -98,4 +106,5 @@ class PlannerGuard:
         # It is told again that the planner runs, once the new one does.
         self._silent = self._started > 0
         self._started += 1
+        self._started_ns = time.perf_counter_ns()
         return child.start("planner", planner_process.serve, *self._given, self._started > 1)

@@ -65,7 +65,7 @@ class RequestChannel:
     def send(self, request: Request, reason: str = "") -> None:
         """Publish a request; only one process may do so, from any thread. A reason longer than 488 bytes is cut."""
         with self._sending:
-            self._row.request[...], self._row.reason[...] = request, reason.encode()[:_REASON_BYTES]
+            self._row.request[...], self._row.reason[...] = request, reason.encode(errors="replace")[:_REASON_BYTES]
             self._ring.publish(np.asarray(self._row.array))
 
     def reader(self) -> RequestReader:

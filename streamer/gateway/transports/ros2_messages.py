@@ -99,15 +99,6 @@ class Ros2Messages:
             linear_acceleration_covariance=unknown,
         )
 
-    def twist(self, linear: Any, angular: Any) -> bytes:
-        """A `Twist` as CDR; (3,) each [m/s, rad/s]."""
-        return self._encode(TWIST, linear=self._vector(linear), angular=self._vector(angular))
-
-    def twist_stamped(self, stamp_ns: int, linear: Any, angular: Any) -> bytes:
-        """A `TwistStamped` as CDR; see `twist`."""
-        twist = self._store.types[TWIST](linear=self._vector(linear), angular=self._vector(angular))
-        return self._encode(TWIST_STAMPED, header=self._header(stamp_ns, ""), twist=twist)
-
     def empty(self) -> bytes:
         """An `Empty` as CDR."""
         return self._encode(EMPTY)

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.analysis import ClipAnalysis, Recording, analyse
 from flexmotion.biomechanics.differentiation import EDGE, second_derivative
-from flexmotion.biomechanics.dynamics_files import write_dynamics
+from flexmotion.biomechanics.dynamics_files import write_files
+from flexmotion.biomechanics.opensim_files import opensim_files
 from flexmotion.biomechanics.opensim_names import FROM_Y_UP, coordinates, generalised_forces, y_up, y_up_rotation
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.human.kinematics import forward
@@ -32,7 +33,7 @@ def analysed(clip: Motion) -> ClipAnalysis:
 @pytest.fixture(scope="module")
 def folder(analysed: ClipAnalysis, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("opensim")
-    write_dynamics(folder / "walk.sto", analysed)
+    write_files(opensim_files(folder / "walk.sto", analysed))
     return folder
 
 
@@ -145,7 +146,7 @@ def test_muscles_and_joint_contact(clip: Motion, tmp_path: Path) -> None:
     pytest.importorskip("myo_sim", reason="extra biomech")
     found = analyse(clip[:30])
     assert found.muscles is not None
-    write_dynamics(tmp_path / "walk.sto", found)
+    write_files(opensim_files(tmp_path / "walk.sto", found))
     _, activations = storage(tmp_path / "walk_activations.sto")
     assert activations["soleus_r"] == pytest.approx(
         found.muscles.state.activations[:, found.muscles.names.index("soleus_r")], abs=1e-8

@@ -197,6 +197,45 @@ def test_who_comes_back_with_an_arm_out_of_the_picture_is_followed(frames):
     assert np.linalg.norm(human.wrist[:, 0] - human.pelvis_position - was, axis=-1).max() < 0.15
 
 
+@pytest.mark.parametrize(
+    "hidden",
+    [["left_wrist"], ["left_shoulder", "left_elbow", "left_wrist"], ["head"], ["neck", "head"]],
+    ids=lambda names: names[0],
+)
+def test_who_was_never_seen_as_a_whole_is_followed_as_far_as_seen(frames, hidden):
+    """Of a person with one arm out of the picture no pose was made, however long it lasted, and nothing told why."""
+    person, seen = LivePerson(), frames.copy()
+    seen[:, [NAMES.index(name) for name in hidden]] = np.nan
+    poses = played(person, seen)
+    assert len(poses) >= 80 and sum(person.refused.values()) == 0
+    assert sorted(person.unseen) == sorted(hidden)
+    motion = concatenate([pose.motion for pose in poses])
+    assert np.isfinite(motion.joints).all()
+    human, true = forward(motion), frames[np.round([pose.time_s * FPS for pose in poses]).astype(int)]
+    found = human.wrist[:, 1] - human.pelvis_position
+    hips = 0.5 * (at(true, "left_hip") + at(true, "right_hip"))
+    assert np.linalg.norm(found - at(true, "right_wrist") + hips, axis=-1).mean() < 0.1
+    if "left_wrist" in hidden:
+        assert (human.shoulder[:, 0, 2] - human.wrist[:, 0, 2]).min() > 0.35  # it hangs
+
+
+def test_an_arm_that_is_first_seen_later_is_measured_and_followed_then(frames):
+    person, late = LivePerson(), frames.copy()
+    late[:100, NAMES.index("left_wrist")] = np.nan
+    poses = played(person, late)
+    assert [pose.stream for pose in poses] == sorted(pose.stream for pose in poses)
+    first, second = ([pose for pose in poses if pose.stream == number] for number in (1, 2))
+    assert first[-1].time_s < 100 / FPS + 0.1 and second[0].time_s == pytest.approx(100 / FPS + MEASURE_S, abs=0.1)
+    assert not person.unseen and sum(person.refused.values()) == 0
+    whole = {pose.time_s: pose.motion for pose in played(LivePerson(), frames)}
+    human, true = (
+        forward(concatenate(motions))
+        for motions in ([pose.motion for pose in second], [whole[pose.time_s] for pose in second])
+    )
+    gone = human.wrist - human.pelvis_position[:, None] - true.wrist + true.pelvis_position[:, None]
+    assert np.linalg.norm(gone, axis=-1).max() < 0.05
+
+
 def test_a_point_between_two_joints_is_where_their_middle_is(frames, tmp_path):
     # The ears of MediaPipe's landmarks stand for the head.
     names = (*(name for name in NAMES if name != "head"), "left_ear", "right_ear")

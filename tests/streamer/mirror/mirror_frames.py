@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,21 @@ def bundle(messages: list[Any]) -> bytes:
     for one in messages:
         builder.add_content(one)
     content: bytes = builder.build().dgram
+    return content
+
+
+def raw_bundle(*elements: bytes, sizes: tuple[int, ...] = ()) -> bytes:
+    """A bundle of any bytes; `sizes`: what it says of its first elements' lengths, in the place of the true ones."""
+    said = (*sizes, *(len(one) for one in elements[len(sizes) :]))
+    parts = [struct.pack(">i", size) + one for size, one in zip(said, elements, strict=True)]
+    return b"#bundle\0" + bytes(8) + b"".join(parts)
+
+
+def nested_bundle(deep: int) -> bytes:
+    """Bundles in bundles; the innermost is empty."""
+    content = raw_bundle()
+    for _ in range(deep - 1):
+        content = raw_bundle(content)
     return content
 
 

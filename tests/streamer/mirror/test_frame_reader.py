@@ -12,9 +12,11 @@ from flexmotion.streamer.mirror.clip_frames import clip_frames
 from flexmotion.streamer.mirror.frame_reader import LARGEST, FrameReader
 from flexmotion.streamer.mirror.named_joints import LANDMARKS
 
-from .mirror_frames import T_POSE, bones, bundle, message, shipped
+from .mirror_frames import T_POSE, bones, bundle, message, nested_bundle, raw_bundle, shipped
 
 HALF = np.sqrt(0.5)
+HUGE = b"1" + b"0" * 400
+"""An integer that no float holds."""
 
 
 def place(frame, name):
@@ -97,6 +99,13 @@ def test_bones_that_are_no_human_make_no_frame():
         (message("/VMC/Ext/Bone/Pos", "Hips", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0).dgram, "unit quaternion"),
         (message("/VMC/Ext/Bone/Pos", "Hips", float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0).dgram, "finite"),
         (b"{" + b" " * LARGEST, "bytes"),
+        (b'{"joints": {"a": [1, %b, 3]}}' % HUGE, "joints: a"),
+        (b'{"joints": {"a": [1, 2, 3]}, "t": %b}' % HUGE, "t:"),
+        (nested_bundle(9), "at most 8 deep"),
+        (raw_bundle(b"", sizes=(-4,)), "-4 bytes"),
+        (raw_bundle(b"/a\0\0", sizes=(8,)), "8 bytes"),
+        (raw_bundle(b"/a\0\0\0\0", sizes=(6,)), "6 bytes"),
+        (raw_bundle(b"a\0\0\0"), "neither a message nor a bundle"),
     ],
 )
 def test_nonsense_is_named(datagram, named):
@@ -104,12 +113,52 @@ def test_nonsense_is_named(datagram, named):
         FrameReader().take(datagram)
 
 
-@given(
-    st.binary(max_size=200).flatmap(lambda tail: st.sampled_from([tail, b"{" + tail, b"/" + tail, b"#bundle" + tail]))
+def test_a_frame_may_lie_in_a_bundle_of_bundles():
+    content = bundle(bones(time_s=2.0))
+    for _ in range(7):
+        content = raw_bundle(content)
+    (frame,) = FrameReader().take(content)
+    assert frame.time_s == 2.0
+
+
+def test_a_bone_whose_name_is_a_list_is_no_bone():
+    assert FrameReader().take(b"/VMC/Ext/Bone/Pos\0\0\0,[i]\0\0\0\0" + bytes(4)) == []
+
+
+values = st.sampled_from(sorted(T_POSE)) | st.floats(width=32) | st.booleans() | st.integers(-(2**63), 2**63 - 1)
+osc_messages = st.builds(
+    lambda address, given: message(address, *given).dgram,
+    st.sampled_from(["/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos", "/VMC/Ext/T", "/VMC/Ext/OK", "/other"]),
+    st.lists(st.lists(values, max_size=2) | values, max_size=9),
 )
-def test_bytes_are_a_frame_or_a_typed_error(datagram):
+osc_elements = st.recursive(
+    osc_messages | st.binary(max_size=24).map(lambda tail: b"/" + tail + bytes(-(len(tail) + 1) % 4)),
+    lambda inner: st.builds(
+        lambda elements, sizes: raw_bundle(*elements, sizes=tuple(sizes[: len(elements)])),
+        st.lists(inner, max_size=3),
+        st.just([]) | st.lists(st.integers(-12, 12), max_size=1),
+    ),
+    max_leaves=12,
+)
+numbers = st.sampled_from([None, True, "1", [], 10**400, -(10**400)]) | st.floats() | st.integers()
+places = st.lists(numbers, min_size=3, max_size=3) | st.lists(numbers, max_size=5) | numbers
+json_frames = st.builds(
+    lambda content, time_s: json.dumps(content | {"t": time_s}).encode(),
+    st.builds(lambda place: {"joints": {"a": place}}, places)
+    | st.builds(lambda place: {"landmarks": [place] * len(LANDMARKS)}, places),
+    numbers,
+)
+any_bytes = st.binary(max_size=200).flatmap(
+    lambda tail: st.sampled_from([tail, b"{" + tail, b"/" + tail, b"#bundle\0" + tail])
+)
+
+
+@pytest.mark.parametrize("datagrams", [any_bytes, osc_elements, json_frames], ids=["bytes", "OSC", "JSON"])
+@given(drawn=st.data())
+def test_bytes_are_a_frame_or_a_typed_error(datagrams, drawn):
+    """Only bytes that are no bundle were tried: bundles in bundles and integers beyond any float ended the process."""
     try:
-        assert isinstance(FrameReader().take(datagram), list)
+        assert isinstance(FrameReader().take(drawn.draw(datagrams)), list)
     except FrameError as error:
         assert str(error)
 

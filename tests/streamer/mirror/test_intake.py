@@ -14,7 +14,8 @@ from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.mirror.clip_frames import clip_frames
 from flexmotion.streamer.mirror.intake import Intake
 from flexmotion.streamer.motion.person_channel import PersonChannel
-from tests.streamer.mirror.mirror_frames import shipped
+from flexmotion.streamer.run.requests import Request, RequestChannel
+from tests.streamer.mirror.mirror_frames import nested_bundle, raw_bundle, shipped
 
 OTHER = ("127.0.0.1", 50001)
 Frame = dict[str, Any]
@@ -58,6 +59,46 @@ def test_frames_that_are_left_out_are_named_once_and_say_what_would_be_right(
     assert reason in note and word in note and REASONS[reason] in note
 
 
+@pytest.mark.parametrize(
+    "datagram",
+    [
+        nested_bundle(600),
+        raw_bundle(b"", sizes=(-4,)),
+        b'{"joints": {"a": [1%b, 0, 0]}}' % (b"0" * 400),
+        b'{"joints": {"a": [1, 0, 0]}, "t": 1%b}' % (b"0" * 400),
+        b'{"joints": {"\\ud800": 1}}',
+    ],
+)
+def test_a_datagram_that_nobody_can_read_is_counted_and_named(datagram: bytes) -> None:
+    """One datagram ended the process that receives, or kept it busy for ever: the person was gone for the whole run."""
+    channel = RequestChannel()
+    told = channel.reader()
+    intake = Intake(Admission(), PersonChannel(), on_note=lambda note: channel.send(Request.NOTE, note))
+    intake.take(datagram, SENDER, 1.0)
+    assert intake.unreadable == 1
+    ((_, note),) = told.read()
+    assert f"a datagram from {SENDER[0]} is no frame" in note
+
+
+def test_what_the_reader_fails_at_is_told_and_the_next_frame_is_read(
+    frames: list[tuple[float, Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An error in the library that reads OSC ended the process that receives."""
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+
+    def fails(_reader: object, _datagram: bytes) -> list[Any]:
+        raise RecursionError("too deep")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("flexmotion.streamer.mirror.vmc.VmcReader.take", fails)
+        intake.take(b"/VMC", SENDER, 1.0)
+    assert intake.unreadable == 1
+    assert notes == [f"mirror: a datagram from {SENDER[0]} cannot be read: RecursionError: too deep"]
+    intake.take(json.dumps(frames[0][1]).encode(), SENDER, 1.1)
+    assert "frames (joints)" in notes[-1]
+
+
 def test_a_second_sender_is_named_once(frames: list[tuple[float, Frame]]) -> None:
     notes: list[str] = []
     intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
@@ -74,3 +115,15 @@ def test_the_person_is_told_once_measured() -> None:
     for at, datagram in clip_frames(shipped(3.0)):
         intake.take(datagram, SENDER, at)
     assert sum("is measured" in note for note in notes) == 1
+
+
+def test_the_operator_is_told_what_of_the_person_was_not_seen_yet() -> None:
+    """Nothing told why a person with one hand out of the picture was not followed."""
+    notes: list[str] = []
+    intake = Intake(Admission(), PersonChannel(), on_note=notes.append)
+    for at, datagram in clip_frames(shipped(3.0)):
+        frame = json.loads(datagram)
+        frame["joints"]["left_wrist"] = None
+        intake.take(json.dumps(frame).encode(), SENDER, at)
+    (note,) = [note for note in notes if "is measured" in note]
+    assert note.endswith("without what is not seen yet: left_wrist")

@@ -25,7 +25,7 @@ from flexmotion.streamer.page.body import BONES, page_robot
 from flexmotion.streamer.page.curves import Curves, margin_mm
 from flexmotion.streamer.page.feed import Feed
 from flexmotion.streamer.page.geometry import geom_meshes
-from flexmotion.streamer.page.health import Health, load
+from flexmotion.streamer.page.health import MOST_LOAD, Health, load
 from flexmotion.streamer.page.pictures import Pictures, beside
 from flexmotion.streamer.page.pose import MeasuredPose, PlannedPose
 
@@ -287,6 +287,32 @@ def test_load_is_of_the_envelope_at_the_measured_supply(robot: Robot, rows: Row)
     low["voltage"] = 0.5 * robot.nominal_voltage
     envelope = Envelope.of(robot)
     assert load(envelope, low) == pytest.approx(np.full((5, robot.n), 1.0 / (0.5 * robot.stall_torque[0])))
+
+
+def test_a_servo_at_its_temperature_limit_is_the_hardest_and_is_sent_as_json(robot: Robot, rows: Row) -> None:
+    """It gives no torque, so its load was infinite: no browser could read the curves, and the list hid the joint."""
+    knee, hot = robot.index("l_knee"), rows.copy()
+    hot["temperature"] = 40.0
+    hot["temperature"][:, knee] = robot.servos[knee].temperature_limit
+    hot["true_torque"][:, knee] = 0.1
+    health = Health(robot)
+    health.take(hot)
+    assert [one.joint for one in health.hardest(1)] == ["l_knee"]
+    assert health.hardest(1)[0].share == pytest.approx(MOST_LOAD)
+    told = Telemetry(robot.n, robot.rate_hz)
+    feed = Feed(robot, told, None, HeardChannel())
+    for row in hot:
+        told.ticks.publish(row)
+    _, texts = feed.update()
+
+    def unreadable(constant: str) -> None:
+        raise AssertionError(f"no JSON: {constant}")
+
+    new, figures = (json.loads(text, parse_constant=unreadable) for text in texts)
+    assert {sample[2] for sample in new["samples"]} == {MOST_LOAD}
+    assert figures["hardest"][0] == ["l_knee", MOST_LOAD]
+    (opened,) = (json.loads(text, parse_constant=unreadable) for text in feed.opened())
+    assert opened["samples"] == new["samples"]
 
 
 def test_a_page_gets_the_last_half_minute_and_then_what_is_new(robot: Robot, rows: Row, telemetry: Telemetry) -> None:

@@ -31,6 +31,7 @@ from flexmotion.streamer.run.requests import Request, RequestChannel
 
 from ....waiting import HANGING_S
 from ..conftest import Office
+from .ros2_peer import twist, twist_stamped
 
 EXAMPLES = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 TOKEN = "correct horse battery"
@@ -120,8 +121,8 @@ def whole(kind: str) -> st.SearchStrategy[bytes]:
         texts = st.text(max_size=60) | ANY.map(lambda data: data.decode("utf-8", "replace"))
         return texts.map(lambda text: CDR.string(text.replace("\0", "")))
     if kind == TWIST:
-        return st.builds(CDR.twist, vector, vector)
-    return st.builds(CDR.twist_stamped, st.integers(0, 2**31 * 10**9 - 1), vector, vector)
+        return st.builds(twist, vector, vector)
+    return st.builds(twist_stamped, st.integers(0, 2**31 * 10**9 - 1), vector, vector)
 
 
 def damaged(data: bytes, place: int, value: int, length: int) -> bytes:

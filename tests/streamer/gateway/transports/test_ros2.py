@@ -44,6 +44,7 @@ from flexmotion.streamer.run.session import Session
 from ....waiting import wait_until
 from ..conftest import Run
 from .conftest import Serve, Served, open_session
+from .ros2_peer import twist, twist_stamped
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra 'ros2')")
 pytest.importorskip("rosbags", reason="needs rosbags (extra 'ros2')")
@@ -120,7 +121,7 @@ def test_words_velocities_and_any_message_are_answered(network: Network) -> None
     messages = network.peer.messages
     for topic, kind, data, asked in (
         ("text", STRING, messages.string("wave"), Text("wave")),
-        ("cmd_vel_unstamped", TWIST, messages.twist((0.1, -0.05, 0.0), (0.0, 0.0, 0.5)), Velocity(0.4, -0.2, 0.5)),
+        ("cmd_vel_unstamped", TWIST, twist((0.1, -0.05, 0.0), (0.0, 0.0, 0.5)), Velocity(0.4, -0.2, 0.5)),
         ("targets", STRING, messages.string('{"type":"velocity","velocity":[0,0,0],"id":"7"}'), Stop()),
     ):
         before = len(network.served.loop.seen)
@@ -137,7 +138,7 @@ def test_a_stale_stamp_is_refused_and_counted(network: Network) -> None:
     answers = network.peer.heard("answers", STRING)
 
     def send(stamp_ns: int) -> None:
-        message = network.peer.messages.twist_stamped(stamp_ns, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+        message = twist_stamped(stamp_ns, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
         network.peer.send("cmd_vel", TWIST_STAMPED, message)
 
     for number, stamp_ns in enumerate((time.time_ns() - 2_000_000_000, 1, time.time_ns() + 60_000_000_000)):
@@ -152,7 +153,7 @@ def test_a_stale_stamp_is_refused_and_counted(network: Network) -> None:
 def test_a_stamp_that_is_not_set_is_refused_for_that_reason(network: Network) -> None:
     """It always expired, "sent 1792000000 s ago": ROS 2 has 0 for a stamp that nobody has set."""
     answers = network.peer.heard("answers", STRING)
-    message = network.peer.messages.twist_stamped(0, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    message = twist_stamped(0, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
     network.peer.send("cmd_vel", TWIST_STAMPED, message)
     wait_until(lambda: answers, "the refusal")
     told = json.loads(answers[0].data)
@@ -201,7 +202,7 @@ def test_what_is_no_message_is_refused_and_the_next_one_read(network: Network) -
     bad = [("cmd_vel", TWIST_STAMPED, data) for data in (b"", b"\x00\x01\x00\x00", b"\xff" * 50)]
     bad += [("text", STRING, messages.string("x" * 100)[:20]), ("text", STRING, messages.string(""))]
     bad += [("targets", STRING, messages.string(text)) for text in ("no JSON", "[]", "1", "[" * 10_000, "x" * 10_000)]
-    bad.append(("cmd_vel_unstamped", TWIST, messages.twist((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
+    bad.append(("cmd_vel_unstamped", TWIST, twist((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
     for number, (topic, kind, data) in enumerate(bad):
         network.peer.send(topic, kind, data)
         wait_until(lambda number=number: len(answers) > number, "the refusal")
