@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,13 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 PATIENCE_S = 0.003
+
+_REFUSAL = {
+    "goal_position": "does not take its goal position",
+    "torque_limit": "does not take its torque limit",
+    "torque_enable": "does not switch its torque on",
+}
+"""What is said of a servo that does not hold what was written, by register."""
 
 _READ = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature", "status",
          "present_current")  # fmt: skip
@@ -136,31 +143,30 @@ class FeetechBus(ServoBus):
             self._send(ticks)
 
     def switch_on(self) -> None:
-        """See `ServoBus`."""
+        """See `ServoBus`. Goals, and the torque limits of `damp`, are read back before torque goes on."""
         self._limp.fill(False)
-        blamed: int | None = None
-        wrong = ""
+        blamed, reason = 0, "does not answer"
         for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():
-                blamed, wrong = int(np.argmin(self.measured.fresh)), "does not answer"
+                blamed, reason = int(np.argmin(self.measured.fresh)), "does not answer"
                 continue
             # A servo outside its own limits is pinned to the nearest limit.
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
+            self._write_all("torque_limit", 1000)
             self._send(pins, standing=self.measured.ticks)
-            blamed, wrong = self._first_without("goal_position", goals), "does not take its goal position"
-            if blamed is None:
+            wrong = self._first_without({"goal_position": goals, "torque_limit": [1000] * len(goals)})
+            if wrong is None:
                 self._on = True
-                self._write_all("torque_limit", 1000)
                 self._write_all("torque_enable", 1)
-                blamed, wrong = self._first_without("torque_enable", [1] * len(goals)), "does not switch its torque on"
-            if blamed is None:
+                wrong = self._first_without({"torque_enable": [1] * len(goals)})
+            if wrong is None:
                 self.measured.torque[:] = True
                 return
+            blamed, reason = wrong[0], _REFUSAL[wrong[1]]
         self._on = False
-        assert blamed is not None  # there is at least one attempt
-        raise DriverError(f"{self.joint_name(blamed)} on {self.port.path}: {wrong}: torque stays off")
+        raise DriverError(f"{self.joint_name(blamed)} on {self.port.path}: {reason}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
@@ -242,15 +248,27 @@ class FeetechBus(ServoBus):
                     found[packet.id] = register.unpack(packet.params)
         return found
 
-    def _first_without(self, name: str, values: list[int]) -> int | None:
-        """The first servo that does not hold its value in a register; a silent one is asked several times."""
-        return next((slot for slot, value in enumerate(values) if self._read(slot, name) != value), None)
+    def _first_without(self, wanted: Mapping[str, Sequence[int]]) -> tuple[int, str] | None:
+        """The first servo without a wanted value, by register, (m,) each, and that register; None: all have theirs.
 
-    def _read(self, slot: int, name: str) -> int | None:
-        register = sts()[name]
-        params = bytes([register.address, register.size])
-        answer = self._client.ask(self.ids[slot], Instruction.READ, params, answer=register.size)
-        return None if answer is None else register.unpack(answer.params)
+        A silent servo is asked several times, and is without its first value.
+        """
+        for slot in range(len(self.ids)):
+            held = self._read(slot, list(wanted))
+            for name, values in wanted.items():
+                if held.get(name) != values[slot]:
+                    return slot, name
+        return None
+
+    def _read(self, slot: int, names: Sequence[str]) -> dict[str, int]:
+        """Registers of a servo in one exchange, by name; empty if it does not answer."""
+        registers = {name: sts()[name] for name in names}
+        first = min(register.address for register in registers.values())
+        size = max(register.end for register in registers.values()) - first
+        answer = self._client.ask(self.ids[slot], Instruction.READ, bytes([first, size]), answer=size)
+        if answer is None:
+            return {}
+        return {name: r.unpack(answer.params[r.address - first : r.end - first]) for name, r in registers.items()}
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
         """Send goals of all servos with torque; `standing`: present positions of servos that are pinned, (m,).

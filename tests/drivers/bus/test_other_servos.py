@@ -18,6 +18,8 @@ from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.feetech.registers import FORMAT as STS_FORMAT
+from flexmotion.drivers.feetech.registers import Instruction
 from flexmotion.drivers.feetech.registers import sts as sts_table
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.interface import JointCommand, RobotState
@@ -25,6 +27,7 @@ from flexmotion.drivers.lx16a.bus import Lx16aBus
 from flexmotion.drivers.lx16a.protocol import FORMAT, Command
 from flexmotion.drivers.registry import create
 
+from .lost_packets import lose
 from .robots import looped, op3_with
 from .wire_tap import WireTap
 
@@ -211,10 +214,10 @@ def test_a_bus_that_goes_silent_during_torque_on_does_not_block_the_loop(
     assert isinstance(bus, FeetechBus)
     read = bus._read
 
-    def cut_then_read(slot: int, name: str) -> int | None:
+    def cut_then_read(slot: int, names: Sequence[str]) -> dict[str, int]:
         world.emulator.faults[:] = [Fault.parse("cable")]
         world.advance(0.015)
-        return read(slot, name)
+        return read(slot, names)
 
     monkeypatch.setattr(bus, "_read", cut_then_read)
     begin = world.now
@@ -380,7 +383,11 @@ def test_a_feetech_servo_has_a_position_before_the_first_read_of_a_run(sts: Robo
 
 @pytest.mark.parametrize(
     ("register", "what"),
-    [("goal_position", "does not take its goal position"), ("torque_enable", "does not switch its torque on")],
+    [
+        ("goal_position", "does not take its goal position"),
+        ("torque_limit", "does not take its torque limit"),
+        ("torque_enable", "does not switch its torque on"),
+    ],
 )
 def test_the_feetech_servo_that_refuses_a_start_is_blamed(
     register: str, what: str, sts: Robot, monkeypatch: pytest.MonkeyPatch
@@ -400,6 +407,30 @@ def test_the_feetech_servo_that_refuses_a_start_is_blamed(
     with driver, pytest.raises(DriverError, match=rf"servo of l_knee \(id 14\) on main: {what}: torque stays off"):
         driver.set_torque(True)
     assert not world.emulator.body.plant.enabled.any()
+
+
+def test_feetech_servos_are_not_left_damped_by_a_lost_packet(sts: Robot) -> None:
+    """After a fall, one lost packet left all servos at a tenth of their torque: armed, and nothing said so."""
+    driver, world = looped("feetech", sts)
+    bus, register = world.emulator.lines[0].bus, sts_table()["torque_limit"]
+    assert isinstance(bus, EmulatedFeetechBus)
+    with driver:
+        driver.read(RobotState(sts.n))
+        driver.set_torque(True)
+        driver.damp()
+        world.advance(0.02)
+        assert {servo.get("torque_limit") for servo in bus.servos} == {100}
+        driver.set_torque(False)
+        lost = lose(
+            driver.buses[0].port,
+            lambda data: any(
+                packet.code == Instruction.SYNC_WRITE and packet.params[0] == register.address
+                for packet in SumDecoder(STS_FORMAT).feed(data)
+            ),
+        )
+        driver.set_torque(True)
+        assert len(lost) == 1 and world.emulator.body.plant.enabled.all()
+        assert {servo.get("torque_limit") for servo in bus.servos} == {1000}
 
 
 def test_a_feetech_servo_switches_itself_off_at_its_own_temperature(sts: Robot) -> None:
