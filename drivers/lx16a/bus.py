@@ -156,16 +156,24 @@ class Lx16aBus(ServoBus):
                 self._move(slot, int(ticks[slot]))
 
     def switch_on(self) -> None:
-        """See `ServoBus`. Goals cannot be read back; every servo is asked whether torque is on."""
+        """See `ServoBus`. Goals are not read back; every servo is asked whether torque is on.
+
+        Nothing is written before all servos have answered: whether a goal alone switches torque on is not documented.
+        """
         self._limp.fill(False)
-        for slot in range(len(self.ids)):
+        every = range(len(self.ids))
+        for slot in every:
             if self._ask(slot, Command.READ_POSITION) is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
+        for slot in every:
+            # Read once more: the joint may have moved since.
+            if self._ask(slot, Command.READ_POSITION) is None:
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: all torque goes off")
             for _ in range(2):
                 self._move(slot, int(self.measured.ticks[slot]), pinned=True)
             self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x01"))
             if self._ask(slot, Command.READ_LOAD) is None or not self.measured.torque[slot]:
-                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on")
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on: all goes off")
         self._on = True
 
     def repeat_on(self, off: Bool) -> None:

@@ -385,6 +385,23 @@ def test_lx16a_goals_that_are_sent_again_fit_the_tick_and_delay_others_little(mo
     assert sum(sent[id_] for id_ in ids[:moving]) >= (3.5 * many if moving else 0)  # 4 fit a tick
 
 
+def test_no_lx16a_gets_torque_while_another_does_not_answer(lx: Robot) -> None:
+    """Each was switched on before the next was asked: 19 held for 0.4 s, and the message said torque stays off."""
+    driver, world = looped("lx16a", lx)
+    tap = WireTap(world)
+    driver.open_port = world.open_port
+    with driver:
+        driver.read(RobotState(lx.n))
+        port = driver.buses[0].port
+        last = driver.buses[0].ids[-1]
+        lose(port, lambda data: any(p.id == last for p in lx16a_packets(data, Command.READ_POSITION)), many=1000)
+        tap.clear()
+        with pytest.raises(DriverError, match=rf"\(id {last}\) on main: does not answer: torque stays off"):
+            driver.set_torque(True)
+        sent = lx16a_packets(bytes(tap.sent), Command.MOVE, Command.LOAD)
+    assert not any(packet.code == Command.MOVE or packet.params[0] for packet in sent)
+
+
 def test_lx16a_servos_that_have_confirmed_are_not_asked_again(lx: Robot) -> None:
     driver, world = looped("lx16a", lx)
     tap = WireTap(world)
