@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -36,6 +37,9 @@ _READ = ("present_position", "present_speed", "present_load", "present_voltage",
          "present_current")  # fmt: skip
 
 
+log = logging.getLogger(__name__)
+
+
 class FeetechBus(ServoBus):
     """Goals by sync write, everything else by sync read.
 
@@ -58,6 +62,7 @@ class FeetechBus(ServoBus):
         self._on, self._limp = False, np.zeros(len(self.ids), np.bool_)
         self._order = list(self.ids)
         self._position_limits = np.stack([np.full(len(self.ids), -np.inf), np.full(len(self.ids), np.inf)])
+        self._torque_limits = [table["max_torque"].initial] * len(self.ids)
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
@@ -92,6 +97,7 @@ class FeetechBus(ServoBus):
             self.temperature_limit[slot] = held["temperature_limit"]
             self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
+            self._take_torque_limit(slot, held)
         # No position is made up for a servo that does not answer the first read of a run.
         answered = np.zeros(len(self.ids), np.bool_)
         for _ in attempts(self.port):
@@ -101,6 +107,22 @@ class FeetechBus(ServoBus):
                 return
         silent = self.joint_name(int(np.argmin(answered)))
         raise DriverError(f"{silent} on {self.port.path}: {self.port.lost or 'does not answer sync reads'}")
+
+    def _take_torque_limit(self, slot: int, held: Mapping[str, int]) -> None:
+        """Take the maximum torque in EEPROM as a servo's torque limit of a run, and warn if it lowers or replaces one.
+
+        The limit in RAM may be that of `damp`, left by a run before.
+        """
+        most, full = held["max_torque"], sts()["max_torque"].initial
+        self._torque_limits[slot] = most
+        if most < full:
+            log.warning("%s: its maximum torque is set to %g %%: kept", self.joint_name(slot), 100 * most / full)
+        if held["torque_limit"] not in (most, _damped(most)):
+            present = 100 * held["torque_limit"] / full
+            log.warning(
+                "%s: its torque limit of %g %% until power-off is replaced by its maximum torque, %g %%",
+                *(self.joint_name(slot), present, 100 * most / full),
+            )
 
     def _find(self) -> list[Found]:
         """Every servo of the bus, as it was read. Raises as `audit`."""
@@ -154,12 +176,12 @@ class FeetechBus(ServoBus):
             # A servo outside its own limits is pinned to the nearest limit.
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
-            self._write_all("torque_limit", 1000)
+            self._write_all("torque_limit", self._torque_limits)
             self._send(pins, standing=self.measured.ticks)
-            wrong = self._first_without({"goal_position": goals, "torque_limit": [1000] * len(goals)})
+            wrong = self._first_without({"goal_position": goals, "torque_limit": self._torque_limits})
             if wrong is None:
                 self._on = True
-                self._write_all("torque_enable", 1)
+                self._write_all("torque_enable", [1] * len(goals))
                 wrong = self._first_without({"torque_enable": [1] * len(goals)})
             if wrong is None:
                 self.measured.torque[:] = True
@@ -194,7 +216,7 @@ class FeetechBus(ServoBus):
         """See `ServoBus`."""
         self._on = False
         self._limp.fill(False)
-        self._write_all("torque_enable", 0)
+        self._write_all("torque_enable", [0] * len(self.ids))
 
     def torque_is_off(self, asked: Bool, until: float) -> Bool:
         """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
@@ -209,7 +231,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`, before the goals are pinned; sent twice."""
         for _ in range(2):
-            self._write_all("torque_limit", round(1000 * DAMPED_SHARE))
+            self._write_all("torque_limit", [_damped(limit) for limit in self._torque_limits])
             self._send(self.guard.nearest(self.measured.ticks))
 
     # ---------------------------------------------------------------- inside
@@ -295,10 +317,16 @@ class FeetechBus(ServoBus):
         goal = sts()["goal_position"]
         return _sync_write(goal.address, {id_: goal.pack(int(ticks[self._slot[id_]])) for id_ in ids})
 
-    def _write_all(self, name: str, value: int) -> None:
-        """Set a register of all servos."""
+    def _write_all(self, name: str, values: Sequence[int]) -> None:
+        """Set a register of all servos, to a value of each, (m,)."""
         register = sts()[name]
-        self.port.send(_sync_write(register.address, dict.fromkeys(self.ids, register.pack(value))))
+        rows = {id_: register.pack(value) for id_, value in zip(self.ids, values, strict=True)}
+        self.port.send(_sync_write(register.address, rows))
+
+
+def _damped(limit: int) -> int:
+    """Torque limit of a damped servo whose own is `limit`."""
+    return round(DAMPED_SHARE * limit)
 
 
 def _sync_write(address: int, rows: Mapping[int, bytes]) -> bytes:

@@ -496,6 +496,45 @@ def test_feetech_servos_are_not_left_damped_by_a_lost_packet(sts: Robot) -> None
         assert {servo.get("torque_limit") for servo in bus.servos} == {1000}
 
 
+def test_a_feetech_servo_keeps_the_maximum_torque_that_its_owner_has_set(
+    sts: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Torque on set every torque limit to 100 %: an owner's lower one was gone, without a message."""
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    servo, other = bus.servos[knee], bus.servos[knee - 1]
+    servo.put("max_torque", 500)
+    servo.restart(world.now)
+    world.advance(0.3)
+    assert servo.get("torque_limit") == 500
+    for _ in range(2):  # the second run finds the servos damped
+        with driver:
+            driver.read(RobotState(sts.n))
+            driver.set_torque(True)
+            assert (servo.get("torque_limit"), other.get("torque_limit")) == (500, 1000)
+            driver.damp()
+            world.advance(0.02)
+            assert (servo.get("torque_limit"), other.get("torque_limit")) == (50, 100)
+    assert [record.getMessage() for record in caplog.records] == [
+        "servo of l_knee (id 14): its maximum torque is set to 50 %: kept"
+    ] * 2
+
+
+def test_a_feetech_torque_limit_in_ram_is_replaced_with_a_warning(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[knee].put("torque_limit", 500)
+    with driver:
+        driver.read(RobotState(sts.n))
+        driver.set_torque(True)
+        assert bus.servos[knee].get("torque_limit") == 1000
+    assert [record.getMessage() for record in caplog.records] == [
+        "servo of l_knee (id 14): its torque limit of 50 % until power-off is replaced by its maximum torque, 100 %"
+    ]
+
+
 def test_a_feetech_servo_switches_itself_off_at_its_own_temperature(sts: Robot) -> None:
     """Regression: the catalogue's temperature counted, whatever the servo was set to."""
     driver, world = looped("feetech", sts)
