@@ -42,6 +42,9 @@ TRIPPED, MOST_TRIPS = -1, 3
 RECENT_SHARE = 0.5
 """Age up to which the positions of the last cycle are used to pin goals [ticks]."""
 
+_READ_BACK = ("position_p_gain", "bus_watchdog", "goal_pwm", "goal_position")
+"""Registers that are read back before torque goes on, in the order of their addresses."""
+
 log = logging.getLogger(__name__)
 
 
@@ -70,6 +73,7 @@ class DynamixelBus(ServoBus):
         self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
+        self._pwm = np.array([table.full_pwm for table in self._tables])
         self.current_limit = np.full(m, np.inf)
         self.position_limits = np.stack([np.full(m, -np.inf), np.full(m, np.inf)])
         self._goals = [
@@ -87,7 +91,7 @@ class DynamixelBus(ServoBus):
             max(600.0 / robot.rate_hz, 2.0),
         )
         self._wrote_at = 0.0
-        self._on = self._damped = False
+        self._on = False
         self._trips = np.zeros(m, np.int64)
         self._rearm = 0
 
@@ -213,11 +217,10 @@ class DynamixelBus(ServoBus):
         self._wrote_at = now
 
     def switch_on(self) -> None:
-        """See `ServoBus`. Goals and watchdogs are read back before torque goes on."""
+        """See `ServoBus`. Goals, watchdogs, gains and PWM limits are read back before torque goes on."""
         measured, every = self.measured, np.ones(len(self.ids), np.bool_)
         recent = self.port.now() - self.cycle.began < RECENT_SHARE / self.robot.rate_hz
-        if self._damped:
-            self._set_softness(1.0)
+        held = np.ones((len(self.ids), len(_READ_BACK)), np.bool_)
         for _ in attempts(self.port):
             if not (recent and measured.fresh.all()):
                 self.cycle.run()
@@ -226,17 +229,21 @@ class DynamixelBus(ServoBus):
                 continue
             self._write_all("bus_watchdog", 0)
             self._write_all("bus_watchdog", self._units)
+            self._set_softness(1.0)  # a servo whose watchdog has tripped refuses the goal PWM until it is cleared
             self._pin()
-            pinned = self._pinned()
-            if pinned.all():
+            held = self._held()
+            if held.all():
                 self._on = True
                 self._rearm = 0
                 self._trips.fill(0)
                 self.measured.watchdog.fill(0)
                 self._switch(every, on=True)
                 return
-        wrong = int(np.argmin(measured.fresh & (self._pinned() if measured.fresh.all() else True)))
-        what = "does not take a goal at its present position" if measured.fresh[wrong] else "does not answer"
+        if measured.fresh.all():
+            wrong = int(np.argmin(held.all(axis=1)))
+            what = f"does not confirm {_READ_BACK[int(np.argmin(held[wrong]))]}"
+        else:
+            wrong, what = int(np.argmin(measured.fresh)), "does not answer"
         raise DriverError(f"{self.joint_name(wrong)} on {self.port.path}: {what}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
@@ -279,7 +286,6 @@ class DynamixelBus(ServoBus):
 
         They come first: on a bus that does not answer, the positions to which goals are pinned are old.
         """
-        self._damped = True
         for _ in range(2):
             self._set_softness(DAMPED_SHARE)
             self._send(self.guard.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
@@ -317,8 +323,8 @@ class DynamixelBus(ServoBus):
         if standing is not None:
             np.copyto(self.pins, ticks, where=np.isfinite(standing))
 
-    def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
-        """Set a register of all servos, or of those in `which`, to one value."""
+    def _write_all(self, name: str, value: int | NDArray[np.int64], which: Bool | None = None) -> None:
+        """Set a register of all servos, or of those in `which`; one value, or one of each, (m,)."""
         write_registers(self.port, self.ids, self._tables, name, value, which)
         self._wrote_at = self.port.now()
 
@@ -326,16 +332,15 @@ class DynamixelBus(ServoBus):
         self._write_all("torque_enable", int(on), which)
 
     def _set_softness(self, share: float) -> None:
-        for slot, table in enumerate(self._tables):
-            one = np.arange(len(self.ids)) == slot
-            self._write_all("position_p_gain", round(share * self._gains[slot]), one)
-            self._write_all("goal_pwm", round(share * table["pwm_limit"].initial), one)
-        self._damped = share < 1.0
+        """Set position gain and PWM limit of all servos to a share of those of a run."""
+        self._write_all("position_p_gain", np.rint(share * self._gains).astype(np.int64))
+        self._write_all("goal_pwm", np.rint(share * self._pwm).astype(np.int64))
 
-    def _pinned(self) -> Bool:
-        """Which servos hold the goal that `_pin` has sent, and an armed watchdog, (m,)."""
-        held = self._registers(("bus_watchdog", "goal_position"), PATIENCE_S)
-        return (held[:, 0] == self._units) & (held[:, 1] == self.guard.last)
+    def _held(self) -> Bool:
+        """Which registers have the values of a run, with an armed watchdog and the goals of `_pin`, (m, _READ_BACK)."""
+        m = len(self.ids)
+        wanted = np.stack([self._gains, np.full(m, self._units), self._pwm, self.guard.last], axis=1)
+        return self._registers(_READ_BACK, PATIENCE_S) == wanted
 
     def _registers(self, names: Sequence[str], slack: float) -> Float:
         """Read registers of all servos, from the first named to the last, blocking; (m, names), NaN without an answer.

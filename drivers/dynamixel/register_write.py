@@ -1,4 +1,4 @@
-"""`write_registers`: one value for a register of several servos, by sync write."""
+"""`write_registers`: a register of several servos, by sync write."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ def write_registers(
     ids: Sequence[int],
     tables: Sequence[Table],
     name: str,
-    value: int,
+    value: int | NDArray[np.int64],
     which: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Set a register to a value; one packet for each address that it has in these tables. Not acknowledged.
+    """Set a register; one packet for each address that it has in these tables. Not acknowledged.
 
     Args:
         ids, tables: of the servos, m each.
+        value: of all servos, or of each, (m,) [servo units].
         which: of them, (m,); None: all.
     """
+    values = np.broadcast_to(value, len(ids)).tolist()
     rows: dict[Span, bytearray] = {}
     for slot, (id_, table) in enumerate(zip(ids, tables, strict=True)):
         if which is None or which[slot]:
             register = table[name]
             row = rows.setdefault(Span(register.address, register.size), bytearray())
-            row += bytes([id_]) + register.pack(value)
+            row += bytes([id_]) + register.pack(values[slot])
     for span, content in rows.items():
         port.send(sync_write(span, bytes(content)))

@@ -113,6 +113,8 @@ class StsServo(SumServo):
         """See `SumServo`."""
         self.put("torque_enable", 0)
         self._act("torque_enable")
+        self.put("torque_limit", self.get("max_torque"))
+        self._act("torque_limit")
         self._pin()
         self.off_until = now + 0.2
 

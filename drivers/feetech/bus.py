@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,18 @@ Bool = NDArray[np.bool_]
 
 PATIENCE_S = 0.003
 
+_REFUSAL = {
+    "goal_position": "does not take its goal position",
+    "torque_limit": "does not take its torque limit",
+    "torque_enable": "does not switch its torque on",
+}
+"""What is said of a servo that does not hold what was written, by register."""
+
 _READ = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature", "status",
          "present_current")  # fmt: skip
+
+
+log = logging.getLogger(__name__)
 
 
 class FeetechBus(ServoBus):
@@ -51,6 +62,7 @@ class FeetechBus(ServoBus):
         self._on, self._limp = False, np.zeros(len(self.ids), np.bool_)
         self._order = list(self.ids)
         self._position_limits = np.stack([np.full(len(self.ids), -np.inf), np.full(len(self.ids), np.inf)])
+        self._torque_limits = [table["max_torque"].initial] * len(self.ids)
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
@@ -85,6 +97,7 @@ class FeetechBus(ServoBus):
             self.temperature_limit[slot] = held["temperature_limit"]
             self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
+            self._take_torque_limit(slot, held)
         # No position is made up for a servo that does not answer the first read of a run.
         answered = np.zeros(len(self.ids), np.bool_)
         for _ in attempts(self.port):
@@ -94,6 +107,22 @@ class FeetechBus(ServoBus):
                 return
         silent = self.joint_name(int(np.argmin(answered)))
         raise DriverError(f"{silent} on {self.port.path}: {self.port.lost or 'does not answer sync reads'}")
+
+    def _take_torque_limit(self, slot: int, held: Mapping[str, int]) -> None:
+        """Take the maximum torque in EEPROM as a servo's torque limit of a run, and warn if it lowers or replaces one.
+
+        The limit in RAM may be that of `damp`, left by a run before.
+        """
+        most, full = held["max_torque"], sts()["max_torque"].initial
+        self._torque_limits[slot] = most
+        if most < full:
+            log.warning("%s: its maximum torque is set to %g %%: kept", self.joint_name(slot), 100 * most / full)
+        if held["torque_limit"] not in (most, _damped(most)):
+            present = 100 * held["torque_limit"] / full
+            log.warning(
+                "%s: its torque limit of %g %% until power-off is replaced by its maximum torque, %g %%",
+                *(self.joint_name(slot), present, 100 * most / full),
+            )
 
     def _find(self) -> list[Found]:
         """Every servo of the bus, as it was read. Raises as `audit`."""
@@ -136,31 +165,30 @@ class FeetechBus(ServoBus):
             self._send(ticks)
 
     def switch_on(self) -> None:
-        """See `ServoBus`."""
+        """See `ServoBus`. Goals, and the torque limits of `damp`, are read back before torque goes on."""
         self._limp.fill(False)
-        blamed: int | None = None
-        wrong = ""
+        blamed, reason = 0, "does not answer"
         for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():
-                blamed, wrong = int(np.argmin(self.measured.fresh)), "does not answer"
+                blamed, reason = int(np.argmin(self.measured.fresh)), "does not answer"
                 continue
             # A servo outside its own limits is pinned to the nearest limit.
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
+            self._write_all("torque_limit", self._torque_limits)
             self._send(pins, standing=self.measured.ticks)
-            blamed, wrong = self._first_without("goal_position", goals), "does not take its goal position"
-            if blamed is None:
+            wrong = self._first_without({"goal_position": goals, "torque_limit": self._torque_limits})
+            if wrong is None:
                 self._on = True
-                self._write_all("torque_limit", 1000)
-                self._write_all("torque_enable", 1)
-                blamed, wrong = self._first_without("torque_enable", [1] * len(goals)), "does not switch its torque on"
-            if blamed is None:
+                self._write_all("torque_enable", [1] * len(goals))
+                wrong = self._first_without({"torque_enable": [1] * len(goals)})
+            if wrong is None:
                 self.measured.torque[:] = True
                 return
+            blamed, reason = wrong[0], _REFUSAL[wrong[1]]
         self._on = False
-        assert blamed is not None  # there is at least one attempt
-        raise DriverError(f"{self.joint_name(blamed)} on {self.port.path}: {wrong}: torque stays off")
+        raise DriverError(f"{self.joint_name(blamed)} on {self.port.path}: {reason}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
@@ -188,7 +216,7 @@ class FeetechBus(ServoBus):
         """See `ServoBus`."""
         self._on = False
         self._limp.fill(False)
-        self._write_all("torque_enable", 0)
+        self._write_all("torque_enable", [0] * len(self.ids))
 
     def torque_is_off(self, asked: Bool, until: float) -> Bool:
         """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
@@ -203,7 +231,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`, before the goals are pinned; sent twice."""
         for _ in range(2):
-            self._write_all("torque_limit", round(1000 * DAMPED_SHARE))
+            self._write_all("torque_limit", [_damped(limit) for limit in self._torque_limits])
             self._send(self.guard.nearest(self.measured.ticks))
 
     # ---------------------------------------------------------------- inside
@@ -242,15 +270,27 @@ class FeetechBus(ServoBus):
                     found[packet.id] = register.unpack(packet.params)
         return found
 
-    def _first_without(self, name: str, values: list[int]) -> int | None:
-        """The first servo that does not hold its value in a register; a silent one is asked several times."""
-        return next((slot for slot, value in enumerate(values) if self._read(slot, name) != value), None)
+    def _first_without(self, wanted: Mapping[str, Sequence[int]]) -> tuple[int, str] | None:
+        """The first servo without a wanted value, by register, (m,) each, and that register; None: all have theirs.
 
-    def _read(self, slot: int, name: str) -> int | None:
-        register = sts()[name]
-        params = bytes([register.address, register.size])
-        answer = self._client.ask(self.ids[slot], Instruction.READ, params, answer=register.size)
-        return None if answer is None else register.unpack(answer.params)
+        A silent servo is asked several times, and is without its first value.
+        """
+        for slot in range(len(self.ids)):
+            held = self._read(slot, list(wanted))
+            for name, values in wanted.items():
+                if held.get(name) != values[slot]:
+                    return slot, name
+        return None
+
+    def _read(self, slot: int, names: Sequence[str]) -> dict[str, int]:
+        """Registers of a servo in one exchange, by name; empty if it does not answer."""
+        registers = {name: sts()[name] for name in names}
+        first = min(register.address for register in registers.values())
+        size = max(register.end for register in registers.values()) - first
+        answer = self._client.ask(self.ids[slot], Instruction.READ, bytes([first, size]), answer=size)
+        if answer is None:
+            return {}
+        return {name: r.unpack(answer.params[r.address - first : r.end - first]) for name, r in registers.items()}
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
         """Send goals of all servos with torque; `standing`: present positions of servos that are pinned, (m,).
@@ -277,10 +317,16 @@ class FeetechBus(ServoBus):
         goal = sts()["goal_position"]
         return _sync_write(goal.address, {id_: goal.pack(int(ticks[self._slot[id_]])) for id_ in ids})
 
-    def _write_all(self, name: str, value: int) -> None:
-        """Set a register of all servos."""
+    def _write_all(self, name: str, values: Sequence[int]) -> None:
+        """Set a register of all servos, to a value of each, (m,)."""
         register = sts()[name]
-        self.port.send(_sync_write(register.address, dict.fromkeys(self.ids, register.pack(value))))
+        rows = {id_: register.pack(value) for id_, value in zip(self.ids, values, strict=True)}
+        self.port.send(_sync_write(register.address, rows))
+
+
+def _damped(limit: int) -> int:
+    """Torque limit of a damped servo whose own is `limit`."""
+    return round(DAMPED_SHARE * limit)
 
 
 def _sync_write(address: int, rows: Mapping[int, bytes]) -> bytes:

@@ -44,7 +44,8 @@ class Lx16aBus(ServoBus):
         self._position_limits = np.array([[s.min_tick for s in self.servos], [s.max_tick for s in self.servos]])
         self._tick = np.array([servo.tick_rad for servo in self.servos])
         self._read_at = np.full(m, -np.inf)  # a first reading has no speed
-        self._sent = np.full(m, np.nan)
+        self._sent, self._age = np.full(m, np.nan), np.zeros(m, np.int64)  # last goals, and the ticks since then
+        self._repeat = self.turns(robot, name)
         self._next_read = self._next_write = self._next_status = 0
         self._queue: list[tuple[int, Command]] = []
         self._patience = 0.0
@@ -137,29 +138,42 @@ class Lx16aBus(ServoBus):
         self._queue.clear()
 
     def send_goals(self, ticks: Float, bound: Float) -> None:
-        """See `ServoBus`. Goals that changed are sent in turns, as many as fit the tick."""
+        """See `ServoBus`. Goals that changed are sent in turns, as many as fit the tick.
+
+        So are, once within `turns`, those that did not change: a lost one would stay lost, as nothing acknowledges it.
+        """
         if not self._on:
             return
         m, end = len(self.ids), self.port.now() + WRITE_SHARE / self.robot.rate_hz
+        self._age += 1
+        due = (ticks != self._sent) | (self._age >= self._repeat)
         for _ in range(m):
             if self.port.busy_until > end:
                 return
             slot = self._next_write
             self._next_write = (slot + 1) % m
-            if ticks[slot] != self._sent[slot] and not self._limp[slot]:
+            if due[slot] and not self._limp[slot]:
                 self._move(slot, int(ticks[slot]))
 
     def switch_on(self) -> None:
-        """See `ServoBus`. Goals cannot be read back; every servo is asked whether torque is on."""
+        """See `ServoBus`. Goals are not read back; every servo is asked whether torque is on.
+
+        Nothing is written before all servos have answered: whether a goal alone switches torque on is not documented.
+        """
         self._limp.fill(False)
-        for slot in range(len(self.ids)):
+        every = range(len(self.ids))
+        for slot in every:
             if self._ask(slot, Command.READ_POSITION) is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
+        for slot in every:
+            # Read once more: the joint may have moved since.
+            if self._ask(slot, Command.READ_POSITION) is None:
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: all torque goes off")
             for _ in range(2):
                 self._move(slot, int(self.measured.ticks[slot]), pinned=True)
             self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x01"))
             if self._ask(slot, Command.READ_LOAD) is None or not self.measured.torque[slot]:
-                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on")
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on: all goes off")
         self._on = True
 
     def repeat_on(self, off: Bool) -> None:
@@ -225,7 +239,7 @@ class Lx16aBus(ServoBus):
         standing = self.measured.ticks[slots] if pinned else None
         admitted = float(self.guard.admit(slots, np.array([sent]), standing=standing)[0])
         self.port.send(packet if admitted == sent else self._packet(slot, int(admitted)))
-        self._sent[slot] = tick
+        self._sent[slot], self._age[slot] = tick, 0
         if pinned:
             self.pins[slot] = admitted
 

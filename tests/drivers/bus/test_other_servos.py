@@ -13,11 +13,13 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.driver import CONFIRM_S, BusDriver
 from flexmotion.drivers.bus.goal_guard import GoalGuard
-from flexmotion.drivers.bus.packet import SumDecoder
+from flexmotion.drivers.bus.packet import SumDecoder, SumPacket
 from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.feetech.registers import FORMAT as STS_FORMAT
+from flexmotion.drivers.feetech.registers import Instruction
 from flexmotion.drivers.feetech.registers import sts as sts_table
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.interface import JointCommand, RobotState
@@ -25,6 +27,7 @@ from flexmotion.drivers.lx16a.bus import Lx16aBus
 from flexmotion.drivers.lx16a.protocol import FORMAT, Command
 from flexmotion.drivers.registry import create
 
+from .lost_packets import lose
 from .robots import looped, op3_with
 from .wire_tap import WireTap
 
@@ -211,10 +214,10 @@ def test_a_bus_that_goes_silent_during_torque_on_does_not_block_the_loop(
     assert isinstance(bus, FeetechBus)
     read = bus._read
 
-    def cut_then_read(slot: int, name: str) -> int | None:
+    def cut_then_read(slot: int, names: Sequence[str]) -> dict[str, int]:
         world.emulator.faults[:] = [Fault.parse("cable")]
         world.advance(0.015)
-        return read(slot, name)
+        return read(slot, names)
 
     monkeypatch.setattr(bus, "_read", cut_then_read)
     begin = world.now
@@ -336,6 +339,69 @@ def test_torque_off_is_confirmed_within_a_bounded_time(name: str, silent: Sequen
             )
 
 
+def lx16a_packets(sent: bytes, *commands: Command) -> list[SumPacket]:
+    """Packets with these commands among sent bytes."""
+    return [packet for packet in SumDecoder(FORMAT).feed(sent) if packet.code in commands]
+
+
+def test_a_lost_goal_of_an_lx16a_that_does_not_change_is_sent_again(lx: Robot) -> None:
+    """It was sent once: at the end of a motion one lost packet left the knee away from its goal for good."""
+    driver, world = looped("lx16a", lx)
+    state, command, knee = RobotState(lx.n), JointCommand(lx.n), lx.index("l_knee")
+    with driver:
+        driver.read(state)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 10)
+        lost = lose(driver.buses[0].port, lambda data: any(p.id == 14 for p in lx16a_packets(data, Command.MOVE)))
+        command.position[knee] += 0.3
+        ticks(driver, world, state, command, driver.turns + 50)
+        assert len(lost) == 1
+        assert world.emulator.body.position[knee] == pytest.approx(command.position[knee], abs=0.02)
+
+
+@pytest.mark.parametrize("moving", [0, 12, 20])
+def test_lx16a_goals_that_are_sent_again_fit_the_tick_and_delay_others_little(moving: int, lx: Robot) -> None:
+    driver, world = looped("lx16a", lx)
+    tap = WireTap(world)
+    driver.open_port = world.open_port
+    state, command = RobotState(lx.n), JointCommand(lx.n)
+    with driver:
+        driver.read(state)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 20)
+        tap.clear()
+        many, ids = 5 * driver.turns, driver.buses[0].ids
+        for tick in range(many):
+            begin = world.now
+            driver.read(state)
+            command.position[:moving] += 0.05 * (-1) ** tick
+            driver.write(command)
+            assert driver.buses[0].port.busy_until - begin < 0.75 / lx.rate_hz
+            world.advance(begin + 1 / lx.rate_hz - world.now)
+        sent = Counter(packet.id for packet in lx16a_packets(bytes(tap.sent), Command.MOVE))
+    assert all(4 <= sent[id_] <= 6 for id_ in ids[moving:])
+    assert sum(sent[id_] for id_ in ids[:moving]) >= (3.5 * many if moving else 0)  # 4 fit a tick
+
+
+def test_no_lx16a_gets_torque_while_another_does_not_answer(lx: Robot) -> None:
+    """Each was switched on before the next was asked: 19 held for 0.4 s, and the message said torque stays off."""
+    driver, world = looped("lx16a", lx)
+    tap = WireTap(world)
+    driver.open_port = world.open_port
+    with driver:
+        driver.read(RobotState(lx.n))
+        port = driver.buses[0].port
+        last = driver.buses[0].ids[-1]
+        lose(port, lambda data: any(p.id == last for p in lx16a_packets(data, Command.READ_POSITION)), many=1000)
+        tap.clear()
+        with pytest.raises(DriverError, match=rf"\(id {last}\) on main: does not answer: torque stays off"):
+            driver.set_torque(True)
+        sent = lx16a_packets(bytes(tap.sent), Command.MOVE, Command.LOAD)
+    assert not any(packet.code == Command.MOVE or packet.params[0] for packet in sent)
+
+
 def test_lx16a_servos_that_have_confirmed_are_not_asked_again(lx: Robot) -> None:
     driver, world = looped("lx16a", lx)
     tap = WireTap(world)
@@ -348,7 +414,7 @@ def test_lx16a_servos_that_have_confirmed_are_not_asked_again(lx: Robot) -> None
         tap.clear()
         driver.set_torque(False)
         sent = bytes(tap.sent)
-    asked = Counter(p.id for p in SumDecoder(FORMAT).feed(sent) if p.code == Command.READ_LOAD)
+    asked = Counter(packet.id for packet in lx16a_packets(sent, Command.READ_LOAD))
     assert asked.pop(14) > 1 and set(asked.values()) == {1}
 
 
@@ -380,7 +446,11 @@ def test_a_feetech_servo_has_a_position_before_the_first_read_of_a_run(sts: Robo
 
 @pytest.mark.parametrize(
     ("register", "what"),
-    [("goal_position", "does not take its goal position"), ("torque_enable", "does not switch its torque on")],
+    [
+        ("goal_position", "does not take its goal position"),
+        ("torque_limit", "does not take its torque limit"),
+        ("torque_enable", "does not switch its torque on"),
+    ],
 )
 def test_the_feetech_servo_that_refuses_a_start_is_blamed(
     register: str, what: str, sts: Robot, monkeypatch: pytest.MonkeyPatch
@@ -400,6 +470,69 @@ def test_the_feetech_servo_that_refuses_a_start_is_blamed(
     with driver, pytest.raises(DriverError, match=rf"servo of l_knee \(id 14\) on main: {what}: torque stays off"):
         driver.set_torque(True)
     assert not world.emulator.body.plant.enabled.any()
+
+
+def test_feetech_servos_are_not_left_damped_by_a_lost_packet(sts: Robot) -> None:
+    """After a fall, one lost packet left all servos at a tenth of their torque: armed, and nothing said so."""
+    driver, world = looped("feetech", sts)
+    bus, register = world.emulator.lines[0].bus, sts_table()["torque_limit"]
+    assert isinstance(bus, EmulatedFeetechBus)
+    with driver:
+        driver.read(RobotState(sts.n))
+        driver.set_torque(True)
+        driver.damp()
+        world.advance(0.02)
+        assert {servo.get("torque_limit") for servo in bus.servos} == {100}
+        driver.set_torque(False)
+        lost = lose(
+            driver.buses[0].port,
+            lambda data: any(
+                packet.code == Instruction.SYNC_WRITE and packet.params[0] == register.address
+                for packet in SumDecoder(STS_FORMAT).feed(data)
+            ),
+        )
+        driver.set_torque(True)
+        assert len(lost) == 1 and world.emulator.body.plant.enabled.all()
+        assert {servo.get("torque_limit") for servo in bus.servos} == {1000}
+
+
+def test_a_feetech_servo_keeps_the_maximum_torque_that_its_owner_has_set(
+    sts: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Torque on set every torque limit to 100 %: an owner's lower one was gone, without a message."""
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    servo, other = bus.servos[knee], bus.servos[knee - 1]
+    servo.put("max_torque", 500)
+    servo.restart(world.now)
+    world.advance(0.3)
+    assert servo.get("torque_limit") == 500
+    for _ in range(2):  # the second run finds the servos damped
+        with driver:
+            driver.read(RobotState(sts.n))
+            driver.set_torque(True)
+            assert (servo.get("torque_limit"), other.get("torque_limit")) == (500, 1000)
+            driver.damp()
+            world.advance(0.02)
+            assert (servo.get("torque_limit"), other.get("torque_limit")) == (50, 100)
+    assert [record.getMessage() for record in caplog.records] == [
+        "servo of l_knee (id 14): its maximum torque is set to 50 %: kept"
+    ] * 2
+
+
+def test_a_feetech_torque_limit_in_ram_is_replaced_with_a_warning(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
+    driver, world = looped("feetech", sts)
+    bus, knee = world.emulator.lines[0].bus, sts.index("l_knee")
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[knee].put("torque_limit", 500)
+    with driver:
+        driver.read(RobotState(sts.n))
+        driver.set_torque(True)
+        assert bus.servos[knee].get("torque_limit") == 1000
+    assert [record.getMessage() for record in caplog.records] == [
+        "servo of l_knee (id 14): its torque limit of 50 % until power-off is replaced by its maximum torque, 100 %"
+    ]
 
 
 def test_a_feetech_servo_switches_itself_off_at_its_own_temperature(sts: Robot) -> None:

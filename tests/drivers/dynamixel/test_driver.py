@@ -13,7 +13,8 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.inspection import NotConfiguredError
 from flexmotion.drivers.bus.servo_bus import TORQUE_LOST
 from flexmotion.drivers.dynamixel.driver import DynamixelDriver
-from flexmotion.drivers.dynamixel.registers import Register
+from flexmotion.drivers.dynamixel.packet import Decoder, Instruction
+from flexmotion.drivers.dynamixel.registers import Register, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
@@ -25,6 +26,7 @@ from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.port import SerialPort
 from flexmotion.drivers.registry import create
 
+from ..bus.lost_packets import lose
 from ..bus.robots import op3_with
 
 KNEE = 14
@@ -280,6 +282,61 @@ def test_damping_pins_softens_and_is_undone_by_torque_on(op3: Robot, rig: Callab
     it.driver.set_torque(True)
     it.driver.read(it.state)
     assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (800, 885)
+
+
+def writes(name: str) -> Callable[[bytes], bool]:
+    """Chooses sync writes of a register of the knee's servo, alone or among others."""
+
+    def chosen(data: bytes) -> bool:
+        return any(
+            packet.instruction == Instruction.SYNC_WRITE
+            and int.from_bytes(packet.params[:2], "little") == table_of("XM430-W350")[name].address
+            and KNEE in packet.params[4 :: int.from_bytes(packet.params[2:4], "little") + 1]
+            for packet in Decoder().feed(data)
+        )
+
+    return chosen
+
+
+@pytest.mark.parametrize("register", ["position_p_gain", "goal_pwm"])
+def test_a_servo_is_not_left_damped_by_a_lost_packet(rig: Callable[..., Rig], register: str) -> None:
+    """After a fall, a lost packet left the knee at a tenth of its strength: it was armed, and nothing said so."""
+    it = rig()
+    it.start()
+    it.tick(2)
+    it.driver.damp()
+    it.tick(0)
+    it.driver.set_torque(False)
+    lost = lose(it.driver.buses[0].port, writes(register))
+    it.driver.set_torque(True)
+    it.tick(2)
+    knee = it.servo(KNEE)
+    assert len(lost) == 1 and knee.torque
+    assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (800, 885)
+
+
+def test_a_servo_that_stays_damped_is_named_and_gets_no_torque(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.driver.damp()
+    it.driver.set_torque(False)
+    lose(it.driver.buses[0].port, writes("position_p_gain"), many=1000)
+    with pytest.raises(DriverError, match=r"\(id \d+\) on main: does not confirm position_p_gain: torque stays off"):
+        it.driver.set_torque(True)
+    assert not it.emulator.body.plant.enabled.any()
+
+
+def test_a_servo_that_was_damped_behind_its_watchdog_gets_its_pwm_back(rig: Callable[..., Rig]) -> None:
+    """The goal PWM was written before the watchdog was cleared: a servo whose watchdog has tripped refused it."""
+    it = rig()
+    it.start()
+    it.driver.damp()
+    it.world.advance(0.3)
+    it.driver.read(it.state)
+    assert it.servo(KNEE).get("bus_watchdog") == -1
+    it.driver.set_torque(True)
+    it.world.advance(ON_THE_WIRE_S)
+    assert it.servo(KNEE).get("goal_pwm") == 885
 
 
 def test_a_joint_outside_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig]) -> None:
