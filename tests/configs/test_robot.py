@@ -11,6 +11,7 @@ import pytest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import ROBOTS, Robot, list_robots, load_robot
 from flexmotion.configs.robot_checks import doubtful_numbers
+from flexmotion.configs.servo import find_servo
 from flexmotion.configs.versions import FormatVersions
 
 Edit = Callable[[dict[str, Any]], Any]
@@ -174,6 +175,29 @@ def test_a_bad_mjcf_is_named(spoiled: Callable[[Edit], Path], text: str) -> None
     (folder / "op3.xml").write_text(text)
     with pytest.raises(ConfigError, match=r"op3\.xml"):
         load_robot(folder)
+
+
+def test_joints_without_armature_have_that_of_their_servo(spoiled: Callable[[Edit], Path]) -> None:
+    """An MJCF without `armature`, as any URDF converts, was accepted, and blew up in simulation.
+
+    The run ended in "servo of L_SP measures a speed that cannot be". Written figures stay, each on its own.
+    """
+    folder = spoiled(lambda content: None)
+    mjcf = folder / "op3.xml"
+    text = mjcf.read_text()
+    assert text.count('<joint armature="0.045" frictionloss="0.03" damping="0"/>') == 1
+    mjcf.write_text(
+        text.replace('<joint armature="0.045" frictionloss="0.03" damping="0"/>', "").replace(
+            '<joint name="l_knee"', '<joint name="l_knee" armature="0.02"'
+        )
+    )
+    robot = load_robot(folder)
+    armature, friction = (dofs[robot.dof_address] for dofs in (robot.model.dof_armature, robot.model.dof_frictionloss))
+    written = np.array([name == "l_knee" for name in robot.joint_names])
+    servo = find_servo("XM430-W350")
+    np.testing.assert_allclose(armature, np.where(written, 0.02, servo.armature))
+    np.testing.assert_allclose(friction, servo.frictionloss)
+    assert not robot.model.dof_armature[:6].any()  # the torso is free
 
 
 def test_the_order_of_the_robot_file_may_differ_from_the_mjcf(spoiled: Callable[[Edit], Path], op3: Robot) -> None:
