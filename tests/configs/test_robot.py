@@ -90,6 +90,13 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
             lambda c: c["safety"].update(soft_start_speed=1e6),
             r"safety\.soft_start_speed: 1e\+06 rad/s, expected at most 4\.8",
         ),
+        # Regression: the run ended in a traceback, or after half a minute with "cut short in PARK" and no cause.
+        (lambda c: c.update(rate_hz=1), "field rate_hz: 1, expected more than 40 and 2000 at most Hz"),
+        (
+            lambda c: c["safety"].update(soft_start_speed=1e-9),
+            r"safety\.soft_start_speed: 1e-09 rad/s, expected at least 0\.297: .* takes 2\.96e\+09 s, and may take 10",
+        ),
+        (lambda c: c["safety"].update(park_s=100), r"safety\.park_s: 100, expected more than 0 and 10 at most s"),
         (lambda c: c["safety"].update(voltage_min=24), r"safety\.voltage_min: 24 V, expected less than 14\.8"),
     ],
 )
