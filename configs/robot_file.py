@@ -173,7 +173,10 @@ class Head(Strict):
 
 
 class Mapping(Strict):
-    """The joints of each chain; `None`: the robot lacks the chain."""
+    """The joints of each chain; `None`: the robot lacks the chain.
+
+    A robot that follows motion has both arms, with the same number of joints; its head may be missing.
+    """
 
     left_leg: Leg
     right_leg: Leg
@@ -292,6 +295,7 @@ class RobotFile(Strict):
         rate_hz: cycles of the loop, and rows of a plan, a second.
         least_stiffness: least share of their stiffness with which arms and head follow: where the human's limb is not
             tense, or a tension of 0 is asked; 1: they always have all of it (`benchmarks/robot/tension.py`).
+        hands: a robot that follows motion has them.
         head: None: the head of this robot cannot be asked to be at a place.
     """
 
