@@ -97,6 +97,17 @@ def identified(joints: Sequence[JointConfig], servos: Sequence[Servo], folder: P
     return tuple(known.values())
 
 
+def complete_joints(spec: mujoco.MjSpec, names: Sequence[str], servos: Sequence[Servo]) -> None:
+    """Give joints of an MJCF their servo's armature and frictionloss where it says none, or 0, as of a URDF."""
+    for name, servo in zip(names, servos, strict=True):
+        joint = spec.joint(name)
+        if joint is None:
+            continue  # the MJCF lacks a joint of the robot file, which is checked
+        for figure in ("armature", "frictionloss"):
+            if getattr(joint, figure) == 0.0:
+                _set(joint, figure, getattr(servo, figure))
+
+
 def apply_to_joints(spec: mujoco.MjSpec, folder: Path) -> None:
     """Give the joints of an MJCF what was identified of them."""
     for name, measured in read_identification(folder).joints.items():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zero
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.get_up import read_get_up
-from flexmotion.configs.identification import apply_to_joints, identified
+from flexmotion.configs.identification import apply_to_joints, complete_joints, identified
 from flexmotion.configs.push_correction import read_push_correction
 from flexmotion.configs.robot_checks import check_numbers
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
@@ -182,7 +182,11 @@ class Robot:
         return {part: self.index(joint) for part, joint in chains[name]}
 
     def spec(self) -> mujoco.MjSpec:
-        """A new MjSpec of the MJCF with identified joints, for edits. Raises `ConfigError` if MuJoCo cannot read it."""
+        """A new MjSpec of the MJCF, for edits. Raises `ConfigError` if MuJoCo cannot read it.
+
+        Joints have the armature and frictionloss that were identified, else the MJCF's, and where it says none their
+        servo's: a joint without a rotor's inertia is driven by a stiff servo faster than a simulation resolves.
+        """
         file = self.folder / self.config.mjcf
         if not file.is_file():
             raise ConfigError(f"{self.file}: field mjcf: no such file: {file}")
@@ -190,6 +194,7 @@ class Robot:
             spec = mujoco.MjSpec.from_file(str(file))
         except ValueError as error:
             raise ConfigError(f"{file}: not a valid MJCF: {' '.join(str(error).split())}") from error
+        complete_joints(spec, self.joint_names, self.servos)
         apply_to_joints(spec, self.folder)
         return spec
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
+from flexmotion.configs.robot_file import LONGEST_MOVE_S
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
@@ -22,6 +27,13 @@ def check_numbers(robot: Robot) -> None:
         raise ConfigError(
             f"{robot.file}: field safety.soft_start_speed: {safety.soft_start_speed:g} rad/s, expected at most "
             f"{fastest:.3g}: no servo of this robot turns faster"
+        )
+    way = MINIMUM_JERK_PEAK * float(np.abs(robot.stand_pose - robot.rest_pose).max())
+    if way > LONGEST_MOVE_S * safety.soft_start_speed:
+        raise ConfigError(
+            f"{robot.file}: field safety.soft_start_speed: {safety.soft_start_speed:g} rad/s, expected at least "
+            f"{math.ceil(1e3 * way / LONGEST_MOVE_S) / 1e3:g}: the way from the rest pose to the stand pose takes "
+            f"{way / safety.soft_start_speed:.3g} s, and may take {LONGEST_MOVE_S:g}"
         )
     highest = min(servo.max_voltage for servo in robot.servos)
     if safety.voltage_min is not None and safety.voltage_min > highest:

@@ -11,6 +11,10 @@ from flexmotion.configs.versions import FormatVersions
 
 LONGEST_M = 3.0
 """Longest distance within a robot that a file may say [m]; more is written in millimetres."""
+TORQUE_CUTOFF_HZ = 20.0
+"""Low-pass of the accelerations from which a plan's torques are computed: rows come more than twice as often [Hz]."""
+LONGEST_MOVE_S = 10.0
+"""Longest way to the stand pose or to the rest pose [s]: runs end 30 s after their motion, with both ways within."""
 Metres = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M, description="[m]")]
 Vector = tuple[float, float, float]
 Point = tuple[Metres, Metres, Metres]
@@ -169,7 +173,10 @@ class Head(Strict):
 
 
 class Mapping(Strict):
-    """The joints of each chain; `None`: the robot lacks the chain."""
+    """The joints of each chain; `None`: the robot lacks the chain.
+
+    A robot that follows motion has both arms, with the same number of joints; its head may be missing.
+    """
 
     left_leg: Leg
     right_leg: Leg
@@ -206,7 +213,8 @@ class Gait(Strict):
         stand_hip_height, walk_hip_height: hip pitch axis above ankle pitch axis, standing and around steps [m].
         min_hip_height: lowest hip height in squats [m].
         stride_factor: step length relative to the leg-scaled human step.
-        lateral: least and greatest lateral distance between the centres of the soles [m].
+        lateral: least and greatest lateral distance between the centres of the soles [m]; that with the ankles under
+            the hips, in which the robot stands, is one of these.
         max_foot_yaw, max_toe_in: greatest yaw of a foot relative to the stance foot, outward and inward [rad].
         double_support_min_s: shortest double support [s].
         clearance: height of the swing foot over the floor in the middle of its way [m]: what the floor asks.
@@ -259,7 +267,8 @@ class SafetyLimits(Strict):
         blocked_hold_s: how long a robot with a blocked leg stands frozen, for somebody to hold it, before it is
             lowered, where `emergency_stop` is "freeze" [s].
         park_s: duration of the motion to the rest pose [s].
-        soft_start_speed: greatest joint speed on the way to the stand pose [rad/s].
+        soft_start_speed: greatest joint speed on the way to the stand pose [rad/s]; the way from the rest pose takes
+            `LONGEST_MOVE_S` at most.
         standing_margin: how far outside its limits a joint may be when torque goes on [rad]: a limp robot sags onto its
             stops. The servos' own limits are set this much wider, so that goals can be pinned there.
         emergency_stop: see `EmergencyStop`. "freeze" and "crouch" need a proof that the robot stays up at every phase
@@ -272,7 +281,7 @@ class SafetyLimits(Strict):
     thermal_margin: float = Field(default=5.0, ge=0)
     lost_bus_hold_s: float = Field(default=1.0, ge=0, le=10)
     blocked_hold_s: float = Field(default=30.0, ge=0, le=600)
-    park_s: float = Field(default=2.0, gt=0)
+    park_s: float = Field(default=2.0, gt=0, le=LONGEST_MOVE_S, description="[s]")
     soft_start_speed: float = Field(default=0.8, gt=0)
     standing_margin: float = Field(default=0.15, ge=0, le=UPRIGHT, description="[rad]")
     emergency_stop: EmergencyStop = "captured_stop"
@@ -283,8 +292,10 @@ class RobotFile(Strict):
 
     Attributes:
         version: of the file format; a file without this field has version 1.
+        rate_hz: cycles of the loop, and rows of a plan, a second.
         least_stiffness: least share of their stiffness with which arms and head follow: where the human's limb is not
             tense, or a tension of 0 is asked; 1: they always have all of it (`benchmarks/robot/tension.py`).
+        hands: a robot that follows motion has them.
         head: None: the head of this robot cannot be asked to be at a place.
     """
 
@@ -292,7 +303,7 @@ class RobotFile(Strict):
     name: Name
     description: str
     mjcf: Name
-    rate_hz: float = Field(gt=0, le=2000)
+    rate_hz: float = Field(gt=2 * TORQUE_CUTOFF_HZ, le=2000, description="[Hz]")
     torso: Name
     imu: Imu | None = None
     buses: dict[str, Bus] = Field(default_factory=lambda: {"main": Bus()})

@@ -6,7 +6,8 @@ nominal supply Vn, stall torque s, stiffness kp and back-EMF constant b = s / no
     tau = clip(kp (goal - q), -s, s) V/Vn - b qd
 
 bounded by the stall torque while it brakes (tau qd <= 0) and by the usable torque while it drives (tau qd > 0), both
-times V/Vn. Friction and rotor inertia are part of the joint (MJCF `frictionloss`, `armature`).
+times V/Vn. Friction and rotor inertia are part of the joint (MJCF `frictionloss`, `armature`; the catalogue's where the
+MJCF has none).
 """
 
 from __future__ import annotations

@@ -127,10 +127,16 @@ class ArmChain:
     """
 
     def __init__(self, robot: Robot) -> None:
-        arms = [list(robot.chain(f"{side}_arm").values()) for side in SIDE_NAMES]
-        hands = robot.config.hands
-        if hands is None or len(arms[0]) != len(arms[1]):
-            raise RetargetError(f"{robot.file}: field hands is required, and two arms with the same number of joints")
+        chains = {f"{side}_arm": robot.chain(f"{side}_arm") for side in SIDE_NAMES}
+        arms, hands = [list(chain.values()) for chain in chains.values()], robot.config.hands
+        if hands is None:
+            raise RetargetError(f"{robot.file}: field hands: missing, expected body and point of left and right hand")
+        if len(arms[0]) != len(arms[1]):
+            left, right = (f"({', '.join(chain)})" for chain in chains.values())
+            raise RetargetError(
+                f"{robot.file}: field mapping: left_arm has {len(arms[0])} joints {left}, right_arm {len(arms[1])} "
+                f"{right}, expected as many in both"
+            )
         model, data = robot.model, mujoco.MjData(robot.model)
         data.qpos[robot.qpos_address] = robot.stand_pose
         flat = np.concatenate(arms)

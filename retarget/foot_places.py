@@ -12,6 +12,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.retarget.foot_goal import THERE_M, THERE_RAD
 from flexmotion.retarget.footholds import Footholds
 from flexmotion.retarget.legs import SIDE_NAMES
+from flexmotion.spatial.angle_words import told_angle, told_range
 
 Float = NDArray[np.float64]
 
@@ -65,7 +66,9 @@ class FootPlaces:
         least, most = sorted((-outward * min(gait.max_toe_in, gait.max_foot_yaw), outward * gait.max_foot_yaw))
         turned = min(max(turn, least), most)
         if abs(turned - turn) > max(tolerance_rad, THERE_RAD):
-            raise ConfigError(f"foot: heading {turn:g} rad, expected {least:g} to {most:g} for the {side} foot")
+            raise ConfigError(
+                f"foot: heading {told_angle(turn)}, expected {told_range(least, most)} for the {side} foot"
+            )
         # What is ahead and aside of a foot that turns counts in the frame midway between both; see `Footholds`.
         cos, sin = math.cos(0.5 * turned), math.sin(0.5 * turned)
         x, y = place
@@ -83,7 +86,7 @@ class FootPlaces:
             )
         words = [told] if gap > THERE_M else []
         if abs(turned - turn) > THERE_RAD:
-            words.append(f"heading {turned:.3f} rad")
+            words.append(f"heading {told_angle(turned)}")
         return NearestPlace(*found, turned, ", ".join(words) or None)
 
     def _within(self, ahead: float, apart: float, turn: float) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from flexmotion.retarget.arm_distance import ArmDistance
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.legs import SIDE_NAMES
 from flexmotion.retarget.reach import Reach
+from flexmotion.spatial.angle_words import told_angle, told_range
 
 Float = NDArray[np.float64]
 
@@ -140,8 +141,8 @@ class PartSolver:
         lower, upper = float(robot.lower[joints[column]]), float(robot.upper[joints[column]])
         clipped = min(max(angle, lower), upper)
         if abs(clipped - angle) > max(tolerance, EXACT_RAD):
-            raise ConfigError(f"joint: {name}: {angle:g} rad, expected {lower:g} to {upper:g}")
-        moved = None if abs(clipped - angle) <= EXACT_RAD else f"{clipped:.3f} rad, the joint's limit"
+            raise ConfigError(f"joint: {name}: {told_angle(angle)}, expected {told_range(lower, upper)}")
+        moved = None if abs(clipped - angle) <= EXACT_RAD else f"{told_angle(clipped)}, the joint's limit"
         return Solved(np.array([column]), np.array([clipped]), moved)
 
     def kept_away(self, columns: NDArray[np.int64], angles: Float, q: Float) -> str | None:

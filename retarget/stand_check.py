@@ -1,4 +1,4 @@
-"""Whether a robot stands on its soles in the stand pose: `check_stand` refuses a pair of soles, `unbalanced` warns."""
+"""Whether a robot stands on its soles: `check_stand` and `check_stand_width` refuse, `unbalanced` warns."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ Float = NDArray[np.float64]
 
 _SOLES_TILT = 0.15
 """Greatest angle between the soles of a stand [rad]: a foot tilted by more stands on its edge."""
+_WIDTH_TOLERANCE = 1e-3
+"""By how much a stand may be wider or narrower than the gait's limits, which are written in millimetres [m]."""
 _SOLES_STEP = 0.1
 """Greatest height of one sole over the other in a stand, over the height of the hips [1]."""
 
@@ -66,6 +68,21 @@ def check_stand(robot: Robot) -> None:
             f"{robot.file}: field feet: in the stand pose the left sole is {told}: its centre is {across:.3f} m to the "
             f"left of the right one's, expected more than {width:.3f}, the two half_size; is y of a sole of the wrong "
             "sign (left is positive)?"
+        )
+
+
+def check_stand_width(robot: Robot, width: float) -> None:
+    """Refuse a stand wider or narrower than any step may be. Raises `RetargetError`.
+
+    Args:
+        width: distance between the centres of the soles with the ankles under the hips [m].
+    """
+    least, most = robot.gait.lateral
+    if not least <= width + _WIDTH_TOLERANCE or not width - _WIDTH_TOLERANCE <= most:
+        raise RetargetError(
+            f"{robot.file}: field gait.lateral: {list(robot.gait.lateral)} m, expected [least, greatest] with "
+            f"{width:.3f} between them, the distance of the soles under the hips: the robot stands so, and no step "
+            "could end so"
         )
 
 

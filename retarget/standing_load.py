@@ -34,6 +34,7 @@ def overloaded(robot: Robot) -> str | None:
     asked, given = float(abs(torque[side, joint])), float(robot.usable_torque[joint])
     return (
         f"{robot.file}: on one foot {robot.joint_names[joint]} needs {asked:.3g} N·m, its servo "
-        f"{robot.servos[joint].name} gives {given:.3g}: it falls behind in every step. The model weighs "
-        f"{robot.mass:.4g} kg, expected the robot's masses in kilograms, and its servos"
+        f"{robot.servos[joint].name} gives {given:.3g}: it falls behind in every step. Expected a servo that gives "
+        f"{asked:.3g} or more, or a robot of {robot.mass / share[side, joint]:.3g} kg at most; the MJCF's masses add "
+        f"up to {robot.mass:.4g} kg: are they in kilograms?"
     )

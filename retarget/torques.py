@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.robot_file import TORQUE_CUTOFF_HZ
 from flexmotion.human.filters import butterworth, recursive
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.schedule import Schedule
@@ -17,8 +18,6 @@ _STRIDE, _QUIET_STRIDE = 2, 4
 """Torques are computed at every second row and interpolated, since the accelerations are low-passed below; at every
 fourth where the robot comes to rest: an eighth fewer rows, and there within .05 N·m of every row. Of all rows .014 N·m
 off in the root mean square of 168 plans, as with every second; .5 at most, where a foot touches down."""
-_ACCELERATION_CUTOFF_HZ = 20.0
-"""Low-pass of the acceleration: keeps the noise of the differences out of the torques."""
 
 
 class JointTorques:
@@ -30,7 +29,7 @@ class JointTorques:
 
     def __init__(self, dynamics: RobotDynamics, rate_hz: float) -> None:
         self.dynamics, self.dt = dynamics, 1.0 / rate_hz
-        self._feed, self._back = butterworth(_ACCELERATION_CUTOFF_HZ, rate_hz)
+        self._feed, self._back = butterworth(TORQUE_CUTOFF_HZ, rate_hz)  # keeps the noise of differences out of torques
         # State of a filter whose input and output were 1 for ever.
         (_, b1, b2), (a1, a2) = self._feed, self._back
         self._settled = np.array([b1 + b2 - a1 - a2, b2 - a2])[:, None]

@@ -10,7 +10,7 @@ from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.legs import Leg, Legs
 from flexmotion.retarget.splines import Spline
-from flexmotion.retarget.stand_check import check_stand
+from flexmotion.retarget.stand_check import check_stand, check_stand_width
 from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
@@ -31,7 +31,7 @@ class WholeBody:
 
     Raises:
         RetargetError: the robot's legs or arms are of a kind that cannot be solved, or its soles are not side by
-            side on one floor.
+            side on one floor, or as far apart as no step may put them.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -49,6 +49,7 @@ class WholeBody:
         """Poses of the soles under straight legs, facing +x, with their middle at the origin, (2, 4) [m, m, m, rad]."""
         self.home_feet[:, :2] = (np.stack([left.hip + left.sole, right.hip + right.sole]))[:, :2]
         self.home_feet[:, :2] -= self.home_feet[:, :2].mean(axis=0)
+        check_stand_width(robot, self.stand_width)
         self._hips, self._soles = (
             np.array([[getattr(leg, name)[axis]] for axis in (0, 1) for leg in self.legs]).reshape(2, 2, 1)
             for name in ("hip", "sole")

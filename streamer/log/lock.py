@@ -7,7 +7,7 @@ import fcntl
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flexmotion.configs.errors import ConfigError
@@ -57,16 +57,24 @@ def refuse_locked(path: Path | None, option: str = "--log") -> None:
 def locked_folder(folder: Path | None, option: str = "--report") -> Iterator[None]:
     """Context in which no other run writes to a folder, which is made where it is missing; None: no folder.
 
+    A folder that was made and is still empty, as of a run that was refused, is removed again.
+
     Raises:
         ConfigError: another run has locked it.
     """
     if folder is None:
         yield
         return
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         lock(descriptor, folder, option)
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # it is not empty
+                for path in made:
+                    path.rmdir()
     finally:
         os.close(descriptor)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.spatial.angle_words import told_angle
 from flexmotion.streamer.motion.intent_values import require_numbers, require_words
 from flexmotion.streamer.motion.part_values import LONGEST_JOINT, SIDES, Logged, Side, require_choice, require_joint
 from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, TENSION, TORQUE, Contact, Tension, TorqueCap
@@ -129,7 +130,7 @@ class FootPlace(Logged):
         return f"{PLACE_OF}{FOOT_PARTS[self.side]}"
 
     def __str__(self) -> str:
-        turned = f", {self.heading:.3g} rad" if self.heading else ""
+        turned = f", {told_angle(self.heading)}" if self.heading else ""
         return f"{FOOT_PARTS[self.side]} to {_told(self.place)} m{turned} in {self.in_s:g} s"
 
 
@@ -263,7 +264,7 @@ class JointAngle(Logged):
         return f"joint {self.joint}"
 
     def __str__(self) -> str:
-        return f"{self.joint} to {self.angle:.3g} rad in {self.in_s:g} s"
+        return f"{self.joint} to {told_angle(self.angle)} in {self.in_s:g} s"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pytest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import ROBOTS, Robot, list_robots, load_robot
 from flexmotion.configs.robot_checks import doubtful_numbers
+from flexmotion.configs.servo import find_servo
 from flexmotion.configs.versions import FormatVersions
 
 Edit = Callable[[dict[str, Any]], Any]
@@ -89,6 +90,13 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
             lambda c: c["safety"].update(soft_start_speed=1e6),
             r"safety\.soft_start_speed: 1e\+06 rad/s, expected at most 4\.8",
         ),
+        # Regression: the run ended in a traceback, or after half a minute with "cut short in PARK" and no cause.
+        (lambda c: c.update(rate_hz=1), "field rate_hz: 1, expected more than 40 and 2000 at most Hz"),
+        (
+            lambda c: c["safety"].update(soft_start_speed=1e-9),
+            r"safety\.soft_start_speed: 1e-09 rad/s, expected at least 0\.297: .* takes 2\.96e\+09 s, and may take 10",
+        ),
+        (lambda c: c["safety"].update(park_s=100), r"safety\.park_s: 100, expected more than 0 and 10 at most s"),
         (lambda c: c["safety"].update(voltage_min=24), r"safety\.voltage_min: 24 V, expected less than 14\.8"),
     ],
 )
@@ -174,6 +182,29 @@ def test_a_bad_mjcf_is_named(spoiled: Callable[[Edit], Path], text: str) -> None
     (folder / "op3.xml").write_text(text)
     with pytest.raises(ConfigError, match=r"op3\.xml"):
         load_robot(folder)
+
+
+def test_joints_without_armature_have_that_of_their_servo(spoiled: Callable[[Edit], Path]) -> None:
+    """An MJCF without `armature`, as any URDF converts, was accepted, and blew up in simulation.
+
+    The run ended in "servo of L_SP measures a speed that cannot be". Written figures stay, each on its own.
+    """
+    folder = spoiled(lambda content: None)
+    mjcf = folder / "op3.xml"
+    text = mjcf.read_text()
+    assert text.count('<joint armature="0.045" frictionloss="0.03" damping="0"/>') == 1
+    mjcf.write_text(
+        text.replace('<joint armature="0.045" frictionloss="0.03" damping="0"/>', "").replace(
+            '<joint name="l_knee"', '<joint name="l_knee" armature="0.02"'
+        )
+    )
+    robot = load_robot(folder)
+    armature, friction = (dofs[robot.dof_address] for dofs in (robot.model.dof_armature, robot.model.dof_frictionloss))
+    written = np.array([name == "l_knee" for name in robot.joint_names])
+    servo = find_servo("XM430-W350")
+    np.testing.assert_allclose(armature, np.where(written, 0.02, servo.armature))
+    np.testing.assert_allclose(friction, servo.frictionloss)
+    assert not robot.model.dof_armature[:6].any()  # the torso is free
 
 
 def test_the_order_of_the_robot_file_may_differ_from_the_mjcf(spoiled: Callable[[Edit], Path], op3: Robot) -> None:

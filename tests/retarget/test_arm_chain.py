@@ -73,5 +73,17 @@ def test_sides_mirror_each_other(op3: Robot) -> None:
 
 def test_a_robot_without_hands_is_refused_by_name(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(op3, "config", op3.config.model_copy(update={"hands": None}))
-    with pytest.raises(RetargetError, match=r"op3\.yaml: field hands is required"):
+    with pytest.raises(RetargetError, match=r"op3\.yaml: field hands: missing, expected body and point"):
         ArmChain(op3)
+
+
+def test_arms_of_unequal_joints_are_counted(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot with hands and one elbow less was told that "field hands is required", and not which arm has how many."""
+    right = op3.mapping.right_arm
+    assert right is not None
+    less = type(right).model_validate({part: joint for part, joint in right if part != "el"})
+    monkeypatch.setattr(op3, "mapping", op3.mapping.model_copy(update={"right_arm": less}))
+    says = r"field mapping: left_arm has 3 joints \(sho_pitch, sho_roll, el\), right_arm 2 \(sho_pitch, sho_roll\), exp"
+    with pytest.raises(RetargetError, match=says) as error:
+        ArmChain(op3)
+    assert "hands" not in str(error.value)

@@ -67,10 +67,10 @@ def test_a_place_beyond_the_tolerance_is_refused_with_the_nearest_one_and_what_i
         PLACES.nearest("left", (0.2, 0.1), 0.0, 0.05, 0.1)
     with pytest.raises(ConfigError, match=r"right foot; the nearest place is \[0.000, -0.094\] m"):
         PLACES.nearest("right", (0.0, 0.1), 0.0, 0.05, 0.1)
-    with pytest.raises(ConfigError, match=r"heading 0.8 rad, expected -0.4 to 0.5 for the left foot"):
+    with pytest.raises(ConfigError, match=r"heading 0.8 rad \(45.84°\), expected -0.4 to 0.5 rad \(.* 28.65°\) for"):
         PLACES.nearest("left", (0.0, 0.13), 0.8, 0.05, 0.1)
     assert PLACES.nearest("right", (0.0, -0.165), 0.0, 0.05, 0.1).moved == "[0.000, -0.145] m, 2.0 cm from there"
-    assert PLACES.nearest("left", (0.0, 0.13), 0.55, 0.05, 0.1).moved == "heading 0.500 rad"
+    assert PLACES.nearest("left", (0.0, 0.13), 0.55, 0.05, 0.1).moved == "heading 0.5 rad (28.65°)"
 
 
 @given(st.sampled_from([0, 1]), ANYWHERE, st.tuples(*[st.floats(-3.0, 3.0)] * 3))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -114,10 +116,15 @@ def test_what_the_head_and_joints_cannot_do_is_refused_with_what_they_can(solver
         solver.joint("l_knee", 0.5, 0.1)
     with pytest.raises(ConfigError, match="joint: 'tail' is not known; expected one of: l_sho_pitch, "):
         solver.joint("tail", 0.5, 0.1)
-    with pytest.raises(ConfigError, match="joint: r_el: 2.5 rad, expected -2 to 2"):
-        solver.joint("r_el", 2.5, 0.1)
     found = solver.joint("r_el", 2.05, 0.1)
-    assert found.angles == pytest.approx([2.0]) and found.moved == "2.000 rad, the joint's limit"
+    assert found.angles == pytest.approx([2.0]) and found.moved == "2 rad (114.6°), the joint's limit"
+
+
+def test_the_angle_of_a_refused_joint_is_told_in_degrees_too(solver: PartSolver) -> None:
+    """`flexmotion send --joint L_EL 45`, in degrees, was refused with "0.785398 rad, expected -2.2 to 0"."""
+    says = r"joint: r_el: 2\.618 rad \(150°\), expected -2 to 2 rad \(-114\.6° to 114\.6°\)$"
+    with pytest.raises(ConfigError, match=says):
+        solver.joint("r_el", math.radians(150.0), 0.1)
 
 
 @pytest.mark.parametrize(

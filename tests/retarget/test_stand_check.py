@@ -45,6 +45,13 @@ def test_soles_that_nothing_can_stand_on_are_refused(
     assert "op3.yaml" in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("lateral", [[0.3, 0.4], [0.05, 0.08]])
+def test_a_stand_that_no_step_could_end_in_is_refused(tmp_path: Path, lateral: list[float]) -> None:
+    """`gait.lateral: [0.3, 0.4]` with feet .1 m apart was accepted; the robot fell after four seconds of a walk."""
+    with pytest.raises(RetargetError, match=r"op3\.yaml: field gait\.lateral: .* m, expected .* 0\.096 between them"):
+        WholeBody(edited(tmp_path, lambda c: c["gait"].update(lateral=lateral)))
+
+
 def test_a_stand_that_falls_is_told(tmp_path: Path) -> None:
     """A stand pose without the ankles was accepted without a word."""
     robot = edited(tmp_path, lambda c: [c["stand_pose"].pop(joint) for joint in ("l_ank_pitch", "r_ank_pitch")])

@@ -383,7 +383,7 @@ def test_over_a_pseudo_terminal(tmp_path: Path, emulated: Callable[..., Emulator
 
     At a low rate, since the driver refuses a sensor that misses a fifth of its samples.
     """
-    robot = op3_with_imu(tmp_path, rate_hz=20, driver="witmotion", required=True)
+    robot = op3_with_imu(tmp_path, rate_hz=50, driver="witmotion", required=True)
     emulator = emulated(robot)
     emulator.body.accel[:] = [1.0, -2.0, 9.0]
     bus, imu = emulator.lines

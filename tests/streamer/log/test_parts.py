@@ -178,6 +178,16 @@ def test_a_run_does_not_replace_an_earlier_log(
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"of an earlier run")]
 
 
+def test_a_refused_run_leaves_no_empty_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run whose robot file was refused left the empty folder of its report behind."""
+    for folder in (tmp_path / "report", tmp_path / "new" / "report"):
+        assert execute(["dry-run", "-r", str(tmp_path), "--report", str(folder)]) == 2
+        assert "no robot file" in capsys.readouterr().err
+    (tmp_path / "mine").mkdir()
+    assert execute(["dry-run", "-r", str(tmp_path), "--report", str(tmp_path / "mine")]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_two_runs_do_not_write_to_one_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "report"
     with locked_folder(folder):

@@ -85,7 +85,7 @@ def test_places_that_are_moved_slowed_or_refused_say_so(live: Live) -> None:
     for foot, reason in (
         (FootPlace("left", (0.3, 0.1)), "out of reach of a step of the left foot; the nearest place is"),
         (FootPlace("right", (0.0, 0.1)), "19.4 cm from there"),
-        (FootPlace("left", (0.0, 0.13), 1.2), "heading 1.2 rad, expected -0.4 to 0.5"),
+        (FootPlace("left", (0.0, 0.13), 1.2), "heading 1.2 rad (68.75°), expected -0.4 to 0.5 rad (-22.92° to 28.65°)"),
     ):
         refused = asked(live, foot)
         assert refused.state == "refused" and reason in str(refused.reason)
