@@ -86,7 +86,7 @@ class Replay:
 def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None = None) -> Replay:
     """Run a log's source again with its settings, seed, targets and requests, and compare.
 
-    If the log ends early, the second run is compared up to that tick.
+    If the log ends early, the second run ends after that tick.
 
     Args:
         progress: called with the share done, in [0, 1].
@@ -131,7 +131,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         allow_refused=header.allow_refused,
         min_likeness=header.min_likeness,
     )
-    end = max(int(log.rows["tick"][-1]), 1)
+    end = int(log.rows["tick"][-1])
     targets, requests, persons = _targets(log), _requests(log), _persons(log)
 
     def operate() -> Request | None:
@@ -142,7 +142,9 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         while persons and persons[0][0] <= tick and isinstance(session.source, MirrorSource):
             session.source.channel.publish_row(persons.pop(0)[1])
         if progress is not None:
-            progress(min(tick / end, 1.0))
+            progress(min(tick / max(end, 1), 1.0))
+        if tick > end:
+            return Request.QUIT  # a source that follows targets would go on for ever where the log lacks its end
         if not (requests and requests[0][0] <= tick):
             return None
         _, request, joints = requests.pop(0)

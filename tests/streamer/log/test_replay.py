@@ -55,6 +55,19 @@ def test_a_log_that_ends_early_is_compared_as_far_as_it_goes(log: Log) -> None:
     assert result.differing == [] and result.agrees
 
 
+def test_the_replay_of_a_log_that_was_cut_off_ends_where_the_log_does(log: Log) -> None:
+    """A live run's log that lacked the request for the end was replayed for ever, since its source follows targets."""
+    early = changed(log, rows=log.rows[:300], events=[], whole=False)
+    assert log.header.seconds is None
+    shares: list[float] = []
+
+    def count(share: float) -> None:
+        shares.append(share)
+        assert len(shares) < 2 * len(early.rows), "it goes on after the log's end"
+
+    assert replay(early, Subject.of(early), count).differing == []
+
+
 def test_another_seed_is_another_run(log: Log) -> None:
     other = changed(log, header=log.header.model_copy(update={"seed": 9}), rows=log.rows[:150])
     result = replay(other, Subject.of(other))
