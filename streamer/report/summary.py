@@ -84,12 +84,16 @@ def verdict(report: Report) -> str:
 
 
 def likeness_words(report: Report) -> str:
-    """The likeness and what was left out, each with its share, in words."""
+    """The likeness and what was left out, each with its share, in words; what was never reached is left out too."""
     found = report.likeness
     if found is None:
         return "likeness unknown"
-    missing = ", ".join(f"{name} ({100 * found.parts[name]:.0f} %)" for name in found.left_out)
-    return f"likeness {100 * found.score:.0f} %, {f'left out: {missing}' if missing else 'nothing left out'}"
+    missing = [f"{name} ({100 * found.parts[name]:.0f} %)" for name in found.left_out]
+    items = [heard.reached for heard in report.targets if heard.item is not None]
+    missing += [f"{items.count(False)} of {len(items)} items (not reached)"] * (False in items)
+    until = " until the fall" if report.motion.fell else ""
+    what = f"left out: {', '.join(missing)}" if missing else f"nothing left out{until}"
+    return f"likeness {100 * found.score:.0f} %{until}, {what}"
 
 
 def likeness_rows(report: Report) -> list[tuple[str, str, str]]:
