@@ -26,6 +26,9 @@ TOLERANCES = {
     "lag_s": 0.016,
     "foot_slip_mm_s": 3.0,
     "net_path_ratio": 0.05,
+    "robot_went.ahead_m": 0.1,
+    "robot_went.left_m": 0.1,
+    "robot_went.turned_rad": 0.1,
     "heading_rms_rad": 0.05,
     "steps_planned": 1.0,
     "steps_inserted": 1.0,
@@ -35,6 +38,10 @@ TOLERANCES = {
 
 At least twice the difference between 8 perturbed walks, turns and stands on the real clock and their replays: 5 mrad,
 0 s, 1 mm/s, 0.007, 0.013 rad, no step, 0.003. In lockstep figures must be equal.
+
+Of the way: in 3 of 7 live runs with targets it differed by up to 45 mm and 51 mrad. In the others a stop or a turn
+ended with another step, and the robot went on from there (up to .25 m and .44 rad): such a replay is another run, and
+differs.
 """
 _TIMING = {
     *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),

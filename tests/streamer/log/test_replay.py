@@ -15,7 +15,7 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
-from flexmotion.streamer.log.replay import Compared, _requests, replay
+from flexmotion.streamer.log.replay import Compared, Replay, _compare, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Relax
@@ -101,6 +101,17 @@ def test_figures_agree_within_their_tolerance(
     logged_value: float | None, replayed: float | None, tolerance: float | None, agrees: bool
 ) -> None:
     assert Compared("lag_s", logged_value, replayed, tolerance).agrees is agrees
+
+
+@pytest.mark.parametrize(("aside", "agree"), [(0.05, True), (0.12, False)])
+def test_runs_that_went_elsewhere_do_not_agree(log: Log, aside: float, agree: bool) -> None:
+    """Of a live run that went .29 m to the left, and whose replay went .17 m, the last line was "the runs agree"."""
+    logged = Subject.of(log).report(log, log.record())
+    went = logged.motion.robot_went
+    assert went is not None
+    elsewhere = went.model_copy(update={"left_m": went.left_m + aside})
+    replayed = logged.model_copy(update={"motion": logged.motion.model_copy(update={"robot_went": elsewhere})})
+    assert Replay(_compare(logged, replayed, exact=False), ["q"]).agrees is agree
 
 
 def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:
