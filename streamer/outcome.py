@@ -10,6 +10,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.simulated import simulated
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human_steps import count_steps
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.recording import driver_options
@@ -46,6 +47,8 @@ class Outcome:
     def write(self, folder: str | Path, *, video: bool = False) -> Path:
         """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page.
 
+        There are no pictures of a robot whose torque was never on.
+
         Args:
             folder: of the report.
             video: whether human and robot are filmed too (`motion.mp4`), which takes longer than the rest.
@@ -60,7 +63,11 @@ class Outcome:
 
         folder = Path(folder)
         self.report.write(folder)
-        pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile)
+        # Of a robot whose torque was never on they would show nothing.
+        drawn = bool((self.record.state != State.OFF).any())
+        pictures = (
+            write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile) if drawn else []
+        )
         page = write_report_page(folder / "index.html", self.report, pictures)
         if not video:
             return page

@@ -34,6 +34,7 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints
 from flexmotion.importers.trc import read_trc
+from flexmotion.importers.way_check import check_rate, check_way
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 
@@ -203,7 +204,9 @@ def own_motion(
 
     Raises:
         ConfigError: a belt is given; or a height, for a body that was fitted to a recording.
+        MotionFormatError: no human gets where the motion is, or not in so few frames.
     """
+    check_rate(path, motion.fps)
     before = motion.body
     if not isinstance(belt, str) and belt is not None:
         raise ConfigError(
@@ -220,7 +223,7 @@ def own_motion(
         scale = height / before.height
         motion = replace(motion, body=replace(before, height=height), root_position=scale * motion.root_position)
     given = mass is not None or (not is_guess(before) if motion.mass_given is None else motion.mass_given)
-    notes: list[str] = []
+    notes = check_way(path, motion.fps, motion.root_position)
     guess = ""
     if mass is not None or not given:
         body, guess = with_mass(motion.body, mass, height)
@@ -254,6 +257,7 @@ def fit_capture(
 ) -> Import:
     """Human motion fitted to a capture; see `read`."""
     capture = without_prefix(capture)
+    check_rate(capture.path, capture.fps)
     chosen = find_mapping(capture.names, capture.path, mapping)
     if chosen.markers:
         joints = joint_capture(capture, chosen, units=units, up=up)
@@ -262,6 +266,8 @@ def fit_capture(
     else:
         capture, chosen = complete_joints(capture, chosen)
         found = landmarks(capture, chosen, units=units, up=up)
+    hips = (found.points["hip_l"] + found.points["hip_r"]) / 2
+    jumps = check_way(found.path, found.fps, hips, round((found.start - capture.start) * found.fps))
     found, velocity, said = remove_belt(found, belt)
     if fps is not None:
         found = found.resampled(fps)
@@ -271,7 +277,7 @@ def fit_capture(
     if capture.rotations is None:
         motion = refine(motion, found)
         errors = fit_errors(found, forward(motion))
-    notes = [*found.warnings, *said]
+    notes = [*found.warnings, *jumps, *said]
     body, guess = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body, mass_given=mass is not None)
     placed = on_floor(from_origin(motion))

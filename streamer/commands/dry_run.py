@@ -69,12 +69,12 @@ def dry_run(
 
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
-    # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
-    # and completion answer at once.
+    # From here on a signal is a request; while the rest is loaded, one for the end ends at once. Heavy imports wait
+    # until the command runs: help and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
 
     with run.outputs():
-        with operator_signals() as signals:
+        with operator_signals(loading=True) as signals:
             from flexmotion.configs.stream import load_stream
             from flexmotion.streamer.api import open_driver, open_robot
             from flexmotion.streamer.commands.driver_options import simulation_options
@@ -91,6 +91,7 @@ def dry_run(
                 options.setdefault("picked_up_s", PICKED_UP_S)
             if replan_noise and motion.mirrors:
                 raise typer.BadParameter("--replan-noise and --mirror exclude each other")
+            signals.loading = False
             session = run.session(
                 open_driver("sim", chosen, **options, seed=motion.seed),
                 NoisySource(source, replan_noise, motion.seed) if replan_noise else source,

@@ -61,12 +61,12 @@ def run(
 
       flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report
     """
-    # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
-    # and completion answer at once.
+    # From here on a signal is a request; while the rest is loaded, one for the end ends at once. Heavy imports wait
+    # until the command runs: help and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
 
     with run.outputs():
-        with operator_signals() as signals:
+        with operator_signals(loading=True) as signals:
             from flexmotion.configs.stream import load_stream
             from flexmotion.drivers.bus.options import ports_in
             from flexmotion.streamer.api import open_driver, open_robot
@@ -86,6 +86,7 @@ def run(
             # Before the motion, which takes long to load and to plan.
             _look(hardware, wait=wait)
             source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            signals.loading = False
             session = run.session(
                 hardware,
                 source,

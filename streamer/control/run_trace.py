@@ -25,7 +25,7 @@ from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank
 Float = NDArray[np.float64]
 
 KEPT_S = 300.0
-"""Part of a run without an end that is kept, so that memory stays bounded [s]."""
+"""Most of a run without an end that is kept, its last part, so that memory stays bounded; half of it at least [s]."""
 _EVENTS_KEPT = 10_000
 _FIRST_ROWS = 4096
 
@@ -48,7 +48,7 @@ class RunTrace:
     taken from; `ticks` has the fields themselves.
 
     Args:
-        kept_s: older rows are dropped [s]; `totals` has what is known of them.
+        kept_s: where more would be kept, the older half is dropped [s]; `totals` has what is known of it.
 
     Attributes:
         rate_hz: ticks per second.

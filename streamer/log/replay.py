@@ -26,6 +26,9 @@ TOLERANCES = {
     "lag_s": 0.016,
     "foot_slip_mm_s": 3.0,
     "net_path_ratio": 0.05,
+    "robot_went.ahead_m": 0.1,
+    "robot_went.left_m": 0.1,
+    "robot_went.turned_rad": 0.1,
     "heading_rms_rad": 0.05,
     "steps_planned": 1.0,
     "steps_inserted": 1.0,
@@ -35,6 +38,10 @@ TOLERANCES = {
 
 At least twice the difference between 8 perturbed walks, turns and stands on the real clock and their replays: 5 mrad,
 0 s, 1 mm/s, 0.007, 0.013 rad, no step, 0.003. In lockstep figures must be equal.
+
+Of the way: in 3 of 7 live runs with targets it differed by up to 45 mm and 51 mrad. In the others a stop or a turn
+ended with another step, and the robot went on from there (up to .25 m and .44 rad): such a replay is another run, and
+differs.
 """
 _TIMING = {
     *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),
@@ -86,7 +93,7 @@ class Replay:
 def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None = None) -> Replay:
     """Run a log's source again with its settings, seed, targets and requests, and compare.
 
-    If the log ends early, the second run is compared up to that tick.
+    If the log ends early, the second run ends after that tick.
 
     Args:
         progress: called with the share done, in [0, 1].
@@ -131,7 +138,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         allow_refused=header.allow_refused,
         min_likeness=header.min_likeness,
     )
-    end = max(int(log.rows["tick"][-1]), 1)
+    end = int(log.rows["tick"][-1])
     targets, requests, persons = _targets(log), _requests(log), _persons(log)
 
     def operate() -> Request | None:
@@ -142,7 +149,9 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         while persons and persons[0][0] <= tick and isinstance(session.source, MirrorSource):
             session.source.channel.publish_row(persons.pop(0)[1])
         if progress is not None:
-            progress(min(tick / end, 1.0))
+            progress(min(tick / max(end, 1), 1.0))
+        if tick > end:
+            return Request.QUIT  # a source that follows targets would go on for ever where the log lacks its end
         if not (requests and requests[0][0] <= tick):
             return None
         _, request, joints = requests.pop(0)

@@ -309,7 +309,8 @@ class StepRunner:
     def _cut(self, end: End, row: TickRow) -> dict[str, object]:
         """What is known of the step under way when its program is ended.
 
-        A stop may come when its amount is done and the robot only comes to rest. A time is done when it is over.
+        A stop may come when its amount is done and the robot only comes to rest. A time is done when it is over. Of a
+        robot with a fault nothing is done: one that tips over has turned, too, and does not come to rest.
         """
         assert self._program is not None and self._at is not None
         step = self._program.steps[self._index]
@@ -318,7 +319,8 @@ class StepRunner:
             value = done_of(self._at, step, (int(row.tick) - self._at.begin_tick) / self.rate_hz)
             missing = step.amount.value - value
             rests = self._phase is not _Phase.ACT and step.amount.quantity != "time"
-            if end == "stopped" and (not is_missing(step, missing, self.size) if rests else missing <= 0.0):
+            reached = not is_missing(step, missing, self.size) if rests else missing <= 0.0
+            if end == "stopped" and reached and not bool(row.faulted):
                 end = "done"
         return self._known(step, row, end, value)
 

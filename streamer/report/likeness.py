@@ -151,14 +151,28 @@ def _compared(record: RunTrace, figures: RobotFigures) -> NDArray[np.int64]:
 def _way(
     record: RunTrace, rows: NDArray[np.int64], motion: Motion, frames: NDArray[np.int64], ratio: float
 ) -> float | None:
-    """Share of the human's way: furthest place from the start, that of the robot over that of the human."""
-    human = motion.root_position[frames, :2]
-    furthest = float(np.linalg.norm(human - human[0], axis=1).max())
-    place = record.true_base[rows, :2]
-    if furthest < WAY_M or not np.isfinite(place).all():
+    """Share of the human's way: furthest place from the start, that of the robot over that of the human.
+
+    The robot's places count as far as they lie in the direction in which the human is at that time, each seen from its
+    own first pose: a fall backwards is no part of a way ahead. The direction is that of a human that is at least half
+    of its way out; before, it only sways.
+    """
+    human = _seen_from_start(motion.root_position[frames], motion.root_quaternion[frames])
+    away = np.linalg.norm(human, axis=1)
+    furthest = float(away.max())
+    base = record.true_base[rows]
+    if furthest < WAY_M or not np.isfinite(base).all():
         return None
-    robot = float(np.linalg.norm(place - place[0], axis=1).max())
-    return _share(robot, furthest * ratio)
+    out = away >= 0.5 * furthest
+    along = np.sum(_seen_from_start(base[:, :3], base[:, 3:])[out] * human[out], axis=1) / away[out]
+    return _share(float(along.max()), furthest * ratio)
+
+
+def _seen_from_start(position: Float, quaternion: Float) -> Float:
+    """Places ahead of and to the left of the first pose, (T, 2) [m]."""
+    yaw = float(continuous_heading(quaternion)[0])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.asarray((position[:, :2] - position[0, :2]) @ np.array([[cos, -sin], [sin, cos]]))
 
 
 def _share(done: float, asked: float) -> float:

@@ -249,12 +249,18 @@ def foot_slip(velocity: Float, force: Float, weight: float) -> float | None:
     return float(speed[loaded].mean()) if loaded.any() else None
 
 
-def net_path_ratio(robot: Float, human: Float, leg_ratio: float) -> float | None:
-    """Straight displacement of the robot over the human's scaled by leg length; positions (T, >= 2) [m]."""
-    human_path = float(np.linalg.norm(human[-1, :2] - human[0, :2]))
-    if human_path < MOVING_HUMAN_M:
+def net_path_ratio(robot: Displacement, human: Displacement, leg_ratio: float) -> float | None:
+    """How far the robot went in the human's direction, over how far the human went; 0 where it went the other way.
+
+    Args:
+        robot, human: displacements, the human's scaled by leg length.
+        leg_ratio: leg length of the robot over the human's.
+    """
+    asked = float(np.hypot(human.ahead_m, human.left_m))
+    if asked < MOVING_HUMAN_M * leg_ratio:
         return None
-    return float(np.linalg.norm(robot[-1, :2] - robot[0, :2])) / (human_path * leg_ratio)
+    along = (robot.ahead_m * human.ahead_m + robot.left_m * human.left_m) / asked
+    return max(along, 0.0) / asked
 
 
 def heading_rms(robot: Float, human: Float) -> float:
@@ -321,7 +327,7 @@ def motion_figures(
             human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
             until = Displacement.of(position[compared], heading[compared])
             behind = float(np.hypot(human_went.ahead_m - until.ahead_m, human_went.left_m - until.left_m))
-            path_ratio = net_path_ratio(position[moving], human_position, robot.leg_ratio)
+            path_ratio = net_path_ratio(robot_went, human_went, robot.leg_ratio)
             heading_error = heading_rms(heading[compared], human_heading)
 
     return MotionFigures(

@@ -84,12 +84,16 @@ def verdict(report: Report) -> str:
 
 
 def likeness_words(report: Report) -> str:
-    """The likeness and what was left out, each with its share, in words."""
+    """The likeness and what was left out, each with its share, in words; what was never reached is left out too."""
     found = report.likeness
     if found is None:
         return "likeness unknown"
-    missing = ", ".join(f"{name} ({100 * found.parts[name]:.0f} %)" for name in found.left_out)
-    return f"likeness {100 * found.score:.0f} %, {f'left out: {missing}' if missing else 'nothing left out'}"
+    missing = [f"{name} ({100 * found.parts[name]:.0f} %)" for name in found.left_out]
+    items = [heard.reached for heard in report.targets if heard.item is not None]
+    missing += [f"{items.count(False)} of {len(items)} items (not reached)"] * (False in items)
+    until = " until the fall" if report.motion.fell else ""
+    what = f"left out: {', '.join(missing)}" if missing else f"nothing left out{until}"
+    return f"likeness {100 * found.score:.0f} %{until}, {what}"
 
 
 def likeness_rows(report: Report) -> list[tuple[str, str, str]]:
@@ -135,6 +139,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
     steps = steps_words(m.steps_planned, m.steps_inserted, m.human_steps, m.steps_dropped or 0)
+    steps = f"of the whole run, {steps}" if m.period_begin_s > 0.0 else steps
     rows = [
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),
@@ -173,10 +178,10 @@ def steps_words(planned: int, inserted: int, human: int | None, dropped: int) ->
     return f"planned: {', '.join(parts)}"
 
 
-def period_note(report: Report) -> str:
-    """Which part of the run the motion figures are of; empty where it is all of it."""
+def motion_title(report: Report) -> str:
+    """Title of the motion figures, with the part of the run that they are of where it is not all of it."""
     begin, end = report.motion.period_begin_s, report.motion.period_end_s
-    return f"steps: of the whole run; the others: from {begin:.0f} to {end:.0f} s" if begin > 0.0 else ""
+    return f"Motion from {begin:.0f} to {end:.0f} s" if begin > 0.0 else "Motion"
 
 
 def joint_rows(report: Report) -> list[tuple[str, ...]]:
@@ -265,11 +270,10 @@ def _asked(report: Report) -> list[RenderableType]:
 
 
 def _motion(report: Report) -> list[RenderableType]:
-    drawn = table("Motion", "", "", "")
+    drawn = table(motion_title(report), "", "", "")
     for name, value, meaning in motion_rows(report):
         drawn.add_row(name, value, Text(meaning, style="dim"))
-    note = period_note(report)
-    return [drawn, Text(note, style="dim")] if note else [drawn]
+    return [drawn]
 
 
 def _likeness(report: Report) -> list[RenderableType]:

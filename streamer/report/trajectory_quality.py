@@ -16,6 +16,7 @@ from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.planning.offline import Trajectory
 from flexmotion.streamer.report.figure import Figure, Maybe
 from flexmotion.streamer.report.metrics import (
+    Displacement,
     HumanTrack,
     RobotFigures,
     hand_error_share,
@@ -76,7 +77,11 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
         source=motion.source,
         duration_s=trajectory.duration,
         rate_hz=trajectory.rate_hz,
-        net_path_ratio=net_path_ratio(path, human_position, figures.leg_ratio),
+        net_path_ratio=net_path_ratio(
+            Displacement.of(path, continuous_heading(path[:, 3:])),
+            Displacement.of(human_position, human_heading, figures.leg_ratio),
+            figures.leg_ratio,
+        ),
         heading_rms_rad=heading_rms(continuous_heading(base[:, 3:]), human_heading),
         hand_error_share=hand_error_share(trajectory.hand_error[following], figures.arm_length),
         human_steps=trajectory.human_steps,

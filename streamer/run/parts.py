@@ -47,7 +47,7 @@ class RunParts:
             may read `state` and `send` targets.
         wake: file descriptor that becomes readable when `next_request` should be called sooner.
         on_event: called with every event as it happens.
-        kept_s: the record keeps this much of the run, its end [s].
+        kept_s: the record keeps at most this much of the run, its end, and at least half of it [s].
         services: recorder, viewer and the like; on the real clock each runs in a process of its own.
         seed: of the driver and the source, for the log and the report.
         clock: "lockstep" or "real".

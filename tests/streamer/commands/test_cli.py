@@ -383,6 +383,28 @@ def test_signals_are_requests_and_the_second_interrupt_ends_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_an_end_that_is_requested_while_a_run_is_loaded_ends_at_once(
+    number: signal.Signals, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It loaded on for 13 s, said that "the robot comes to a stand and parks", and wrote a report of 0.0 s."""
+    before = signal.getsignal(number)
+    with pytest.raises(typer.Exit) as ended, operator_signals(loading=True) as signals:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert signals.next() is Request.STOP
+        try:
+            os.kill(os.getpid(), number)
+            pytest.fail("it loads on")
+        except Exception:  # of what is loaded
+            pytest.fail("it was caught")
+    assert ended.value.exit_code == code and signal.getsignal(number) is before
+    assert capsys.readouterr().err == "interrupted while the run was loaded: nothing was started\n"
+    with operator_signals(loading=True) as signals:
+        signals.loading = False
+        os.kill(os.getpid(), number)
+        assert signals.next() is Request.END
+
+
 def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("robots", "--json") == 0
     (op3,) = json.loads(capsys.readouterr().out)

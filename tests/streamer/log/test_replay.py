@@ -15,7 +15,7 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
-from flexmotion.streamer.log.replay import Compared, _requests, replay
+from flexmotion.streamer.log.replay import Compared, Replay, _compare, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Relax
@@ -55,6 +55,19 @@ def test_a_log_that_ends_early_is_compared_as_far_as_it_goes(log: Log) -> None:
     assert result.differing == [] and result.agrees
 
 
+def test_the_replay_of_a_log_that_was_cut_off_ends_where_the_log_does(log: Log) -> None:
+    """A live run's log that lacked the request for the end was replayed for ever, since its source follows targets."""
+    early = changed(log, rows=log.rows[:300], events=[], whole=False)
+    assert log.header.seconds is None
+    shares: list[float] = []
+
+    def count(share: float) -> None:
+        shares.append(share)
+        assert len(shares) < 2 * len(early.rows), "it goes on after the log's end"
+
+    assert replay(early, Subject.of(early), count).differing == []
+
+
 def test_another_seed_is_another_run(log: Log) -> None:
     other = changed(log, header=log.header.model_copy(update={"seed": 9}), rows=log.rows[:150])
     result = replay(other, Subject.of(other))
@@ -88,6 +101,17 @@ def test_figures_agree_within_their_tolerance(
     logged_value: float | None, replayed: float | None, tolerance: float | None, agrees: bool
 ) -> None:
     assert Compared("lag_s", logged_value, replayed, tolerance).agrees is agrees
+
+
+@pytest.mark.parametrize(("aside", "agree"), [(0.05, True), (0.12, False)])
+def test_runs_that_went_elsewhere_do_not_agree(log: Log, aside: float, agree: bool) -> None:
+    """Of a live run that went .29 m to the left, and whose replay went .17 m, the last line was "the runs agree"."""
+    logged = Subject.of(log).report(log, log.record())
+    went = logged.motion.robot_went
+    assert went is not None
+    elsewhere = went.model_copy(update={"left_m": went.left_m + aside})
+    replayed = logged.model_copy(update={"motion": logged.motion.model_copy(update={"robot_went": elsewhere})})
+    assert Replay(_compare(logged, replayed, exact=False), ["q"]).agrees is agree
 
 
 def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:

@@ -325,6 +325,16 @@ def test_a_step_that_is_stopped_while_the_robot_comes_to_rest_after_it_is_done()
     assert robot.ends == ["done"]
 
 
+def test_a_turn_that_ends_in_a_fall_is_not_done() -> None:
+    """A robot that tipped over as it came to rest after a turn by half a circle was told as "done, 186° of 180°"."""
+    robot = Robot((0, program(TURN)))
+    robot.run(2.9, turn=0.6)
+    assert robot.runner.resting and not robot.heard
+    robot.row.state[...], robot.row.must_stop[...], robot.row.faulted[...] = State.DAMPED, True, True
+    robot.run(0.1)
+    assert robot.ends == ["stopped"] and robot.heard[-1].steps[0].measured == pytest.approx(math.pi / 2, abs=0.1)
+
+
 @pytest.mark.parametrize("step", [TURN, WAIT])
 def test_a_step_that_is_stopped_at_its_begin_is_not_done(step: Step) -> None:
     """What was too little for another attempt counted as done: of a turn by 10° that was stopped at 0°, all of it."""

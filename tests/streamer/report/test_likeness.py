@@ -20,6 +20,7 @@ from flexmotion.retarget.human import HumanWindow
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.report.directions import angle, human_directions, robot_directions, trunk_of
 from flexmotion.streamer.report.likeness import Likeness, likeness
@@ -93,6 +94,31 @@ def test_share_of_the_way(robot: Robot, share: float, left_out: tuple[str, ...])
     assert found.parts["path"] == pytest.approx(share, abs=0.02)
     assert found.left_out == left_out
     assert found.score == found.parts["path"]
+
+
+@pytest.mark.parametrize(("back", "share"), [(0.5, 0.0), (-1.0, 1.0)])
+def test_a_fall_backwards_is_no_part_of_the_way(robot: Robot, back: float, share: float) -> None:
+    """A robot that fell backwards while its human went ahead did "path 21 %". One that also walks back does all."""
+    figures = RobotFigures.of(robot)
+    t = np.arange(int(SECONDS * robot.rate_hz)) / robot.rate_hz
+    way = 0.5 * figures.leg_ratio * t
+    human = person(x=np.sign(back) * 0.5 * TIMES)
+    human.root_position[:6, 0] = -0.03 * np.sign(back)  # it sways first
+    assert judged(robot, ran(robot, x=-abs(back) * way), human).parts["path"] == pytest.approx(share, abs=0.05)
+
+
+def test_the_way_of_a_circle_counts_to_its_far_side(robot: Robot) -> None:
+    """Both come back to where they began; the robot looks to another side of the world, and is late."""
+    figures = RobotFigures.of(robot)
+    turned = 2.0 * np.pi * TIMES / SECONDS
+    human = person(yaw=turned)
+    human.root_position[:, 0], human.root_position[:, 1] = np.sin(turned), 1.0 - np.cos(turned)
+    t = np.clip(np.arange(int(SECONDS * robot.rate_hz)) / robot.rate_hz - 0.2, 0.0, None)
+    angle = 2.0 * np.pi * t / SECONDS
+    record = ran(robot, yaw=angle + np.pi / 2)
+    record.rows["true_base"][:, 0] = -figures.leg_ratio * (1.0 - np.cos(angle))
+    record.rows["true_base"][:, 1] = figures.leg_ratio * np.sin(angle)
+    assert judged(robot, record, human).parts["path"] == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(("robot_deg", "share"), [(90.0, 1.0), (45.0, 0.5), (-90.0, 0.0), (180.0, 0.0)])
@@ -215,6 +241,20 @@ def test_less_than_the_least_likeness_fails_and_says_so(
     assert report.ok is ok
     assert ("at least 0.3 was asked for" in " ".join(failures(report))) is not ok
     assert "left out: path (0 %), turn (0 %)" in verdict(report)
+
+
+def test_what_a_fall_kept_the_robot_from_is_left_out_too(
+    robot: Robot, make: Callable[..., RunTrace], figures: RobotFigures
+) -> None:
+    """A robot that fell in the first third of a script had "likeness 65 %, nothing left out"."""
+    found = replace(judged(robot, ran(robot), person()), score=0.65)
+    report = built(make(), figures, found, None)
+    assert likeness_words(report) == "likeness 65 %, nothing left out"
+    fallen = report.model_copy(update={"motion": report.motion.model_copy(update={"fell": True})})
+    assert likeness_words(fallen) == "likeness 65 % until the fall, nothing left out until the fall"
+    items = [Heard(id=0, item=item, asked="wave", state="accepted", reached=item < 1) for item in range(3)]
+    scripted = fallen.model_copy(update={"targets": tuple(items)})
+    assert likeness_words(scripted) == "likeness 65 % until the fall, left out: 2 of 3 items (not reached)"
 
 
 def test_unknown_likeness_fails_where_one_is_asked_for(make: Callable[..., RunTrace], figures: RobotFigures) -> None:

@@ -82,9 +82,18 @@ def test_slip_counts_loaded_feet_and_horizontal_speed_only() -> None:
 
 
 def test_net_path_needs_a_human_that_moves() -> None:
-    robot = np.array([[0, 0, 0], [0.1, 0, 0]])
-    assert metrics.net_path_ratio(robot, np.array([[0, 0, 0], [0, 0.8, 5]]), 0.25) == pytest.approx(0.5)
-    assert metrics.net_path_ratio(robot, np.array([[0, 0, 0], [0.4, 0, 5]]), 0.25) is None
+    robot, walked, stood = (metrics.Displacement(ahead, 0.0, 0.0) for ahead in (0.1, 0.25 * 0.8, 0.25 * 0.4))
+    assert metrics.net_path_ratio(robot, walked, 0.25) == pytest.approx(0.5)
+    assert metrics.net_path_ratio(robot, stood, 0.25) is None
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "expected"), [(0.3, 0.0, 0.75), (0.3, 0.2, 0.75), (0.0, 0.2, 0.0), (-0.07, 0.0, 0.0)]
+)
+def test_only_what_leads_where_the_human_went_counts_as_its_way(ahead: float, left: float, expected: float) -> None:
+    """A robot that fell backwards, .07 m, while its human went ahead had a net path of .22."""
+    robot, human = metrics.Displacement(ahead, left, 0.0), metrics.Displacement(0.4, 0.0, 0.0)
+    assert metrics.net_path_ratio(robot, human, 0.5) == pytest.approx(expected)
 
 
 def test_heading_error_is_relative_to_each_start() -> None:
@@ -128,7 +137,7 @@ def test_figures_of_a_run(record: RunTrace, figures: RobotFigures, human: HumanT
     assert found.joint_rmse_rad == pytest.approx(0.0, abs=1e-12)
     assert found.lag_s == pytest.approx(2 / 125)
     assert found.foot_slip_mm_s == pytest.approx(2.0)
-    assert found.net_path_ratio == pytest.approx(1.0)
+    assert found.net_path_ratio == pytest.approx(np.cos(1.0))  # what leads where the human went, see below
     assert found.heading_rms_rad == pytest.approx(0.0, abs=1e-9)
     assert found.robot_went is not None and found.human_went is not None
     # As far as the human on shorter legs, who looked 1 rad to the left of where it went, and turned as much.

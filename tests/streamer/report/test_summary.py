@@ -177,6 +177,15 @@ def test_the_parts_of_the_steps_give_their_sum(counts: tuple[int, int, int | Non
     assert told in steps_words(*counts)
 
 
+def test_each_figure_of_a_long_run_says_of_which_part_it_is(record: RunTrace, figures: RobotFigures) -> None:
+    """The "steps 364" of a whole run stood under "went 1.04 m ahead" of its last part."""
+    report = build_report(record, INFO, figures)
+    assert "Motion\n" in rendered(report, 100).replace(" ", "") and "of the whole run" not in rendered(report, 100)
+    kept = report.motion.model_copy(update={"period_begin_s": 150.0, "period_end_s": 327.0})
+    text = rendered(report.model_copy(update={"motion": kept}), 100)
+    assert "Motion from 150 to 327 s" in text and "of the whole run, planned" in text
+
+
 def test_answers_that_are_not_shown_are_promised_in_no_file(record: RunTrace, figures: RobotFigures) -> None:
     """The words "and 18 more, in report.json" stood in a report without `--report`: there was no such file."""
     asked = tuple(Heard(id=number, asked=f"wave {number}", state="accepted") for number in range(1, 31))
