@@ -29,7 +29,7 @@ FILE = "get_up.yaml"
 SIDES: tuple[Literal["front", "back"], ...] = ("front", "back")
 """Sides that a robot can get up from."""
 MINIMUM_JERK_PEAK = 1.875
-"""Peak speed of a minimum-jerk profile over its mean speed, 15/8."""
+"""Greatest speed of a way of minimum jerk over its mean speed (Flash and Hogan 1985)."""
 LONGEST_S = 40.0
 """Longest that the steps of a side may take, with all that they may wait [s]."""
 SPEED_SHARE = 0.9

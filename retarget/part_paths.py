@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
 from flexmotion.retarget.smoothing import Follower
 from flexmotion.retarget.state import RetargetState
 from flexmotion.retarget.whole_body import POSTURE
@@ -211,7 +212,7 @@ class PartPaths:
         way = np.abs(state.part_to - self._rest)
         way[POSTURE.index("yaw")] = 0.0  # it is that of the feet, on the way there and back
         seconds = np.maximum(
-            (15.0 / 8.0) * way / (_SHARE * self._follower.speed),
+            MINIMUM_JERK_PEAK * way / (_SHARE * self._follower.speed),
             np.sqrt(10.0 / np.sqrt(3.0) * way / (_SHARE * np.minimum(self._follower.acceleration, state.part_bound))),
         )
         # The bounds are those of a smooth way; what the legs' servos need on it is judged elsewhere, and is never cut.

@@ -32,6 +32,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.configs.corrections import Corrections, Velocity
 from flexmotion.configs.errors import ConfigError
+from flexmotion.dataset.collections import only
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.dataset.meaning import clip_kind, clip_manner
 from flexmotion.human.body import Body
@@ -129,13 +130,14 @@ def main(
     data: SetOption,
     bundle: BundleArgument = None,
     samples: Annotated[int, typer.Option(min=1, help="Of each kind and manner.")] = 4,
+    of: Annotated[str, typer.Option("--only", help="Clips of these collections alone, as `train --only`.")] = "",
     write: WriteOption = False,
 ) -> Outcome:
     """Measure the speeds of clips, and those of samples by them."""
     opened = open_bundle(bundle)
     if not opened.manifest.velocity:
         raise ConfigError(f"{opened.folder}: this bundle does not follow velocities")
-    of_clips = moments(open_set(data), spoken_kinds(opened), opened.body, opened.layout.fps)
+    of_clips = moments(only(open_set(data), of.split(",")), spoken_kinds(opened), opened.body, opened.layout.fps)
     manners = opened.manners.names
     normal, by_manner = speeds(of_clips, manners)
     best = opened.manifest.corrections.model_copy(update={"speeds": normal, "manner_speeds": by_manner})

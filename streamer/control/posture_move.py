@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.spatial.transitions import minimum_jerk
@@ -47,7 +48,7 @@ class PostureMove:
         """
         self.start[:], self.goal[:] = start, goal
         # A minimum-jerk profile peaks at 15/8 of its mean speed.
-        seconds = max(least_s, 1.875 * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
+        seconds = max(least_s, MINIMUM_JERK_PEAK * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
         self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
         part = np.linspace(0.0, 1.0, _KNOTS)[:, None]
         np.copyto(self._torque, self._holding_torque(self.start + part * (self.goal - self.start)))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
 from flexmotion.configs.robot import Robot
 from flexmotion.spatial.transitions import minimum_jerk
 
@@ -24,7 +25,7 @@ def blind_lowering(robot: Robot, goal: Float) -> Iterator[Float]:
     for _ in range(round(safety.lost_bus_hold_s * robot.rate_hz)):
         yield goal.copy()
     # A minimum-jerk profile peaks at 15/8 of its mean speed.
-    slowest = 1.875 * float(np.abs(rest - goal).max()) / (2 * safety.soft_start_speed)
+    slowest = MINIMUM_JERK_PEAK * float(np.abs(rest - goal).max()) / (2 * safety.soft_start_speed)
     ticks = math.ceil(max(safety.park_s, slowest) * robot.rate_hz)
     for tick in range(1, ticks + 1):
         yield goal + float(minimum_jerk(np.array(tick / ticks))) * (rest - goal)

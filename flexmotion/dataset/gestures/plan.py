@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
 from flexmotion.dataset.gestures.arm import ArmAngles, arm_angles, hand_in_torso
 from flexmotion.dataset.gestures.recipes import ArmPose, Gesture, HeadPose, Pose, Span, TrunkPose
-from flexmotion.dataset.gestures.tracks import PEAK, Stroke
+from flexmotion.dataset.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.skeleton import LEFT, RIGHT
 from flexmotion.spatial.transitions import minimum_jerk
@@ -185,7 +186,7 @@ class _Speeds:
         for name, speed in (("head", self._head), ("trunk", self._trunk), ("down", trunk_and_pelvis)):
             first, second = (None if pose is None else getattr(pose, name) for pose in (before, after))
             way = np.asarray(0.0 if second is None else second) - (0.0 if first is None else first)
-            found.append(PEAK * float(np.linalg.norm(way / np.asarray(speed))))
+            found.append(MINIMUM_JERK_PEAK * float(np.linalg.norm(way / np.asarray(speed))))
         return max(found)
 
 

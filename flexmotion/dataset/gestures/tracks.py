@@ -13,9 +13,6 @@ from flexmotion.spatial.transitions import minimum_jerk
 
 Float = NDArray[np.float64]
 
-PEAK = 1.875
-"""Greatest speed of a stroke of minimum jerk, in its mean speed (Flash and Hogan 1985)."""
-
 WAVES = 4
 RATES = (0.15, 0.8)
 """Number and frequencies of the sines of `unrest` [Hz]."""
