@@ -47,7 +47,7 @@ def motion_content(motion: Motion) -> tuple[dict[str, Any], dict[str, NDArray]]:
 
 
 def load_motion(path: str | Path) -> Motion:
-    """Read a file of `save_motion`; joints are matched by name.
+    """Read a file of `save_motion`; joints and their torques are matched by name.
 
     Raises:
         MotionFormatError: the file is missing, damaged, or not a motion file.
@@ -71,6 +71,8 @@ def load_motion(path: str | Path) -> Motion:
         fitted = Segments(**body.pop("fitted")) if body.get("fitted") else body.pop("fitted")
         joints = np.asarray(content["joints"], np.float64)[:, order]
         floats = {name: np.asarray(content[name], np.float64) for name in (*REQUIRED, *DYNAMIC[:-1]) if name in content}
+        if "torques" in floats:  # six of the root, then one a joint
+            floats["torques"] = floats["torques"][:, [*range(6), *(6 + joint for joint in order)]]
         contacts = np.asarray(content["contacts"], np.bool_) if "contacts" in content else None
         return Motion(
             fps=float(header["fps"]),

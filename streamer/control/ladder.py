@@ -271,8 +271,10 @@ class Ladder:
         elif not inputs.plan_ready and (inputs.park or self._parking or self.fault is not None):
             self.state = State.PARK
         else:
+            # A park wins over a plan that begins in the same tick.
             self._parking |= inputs.park
             self._update_stopping(inputs)
+            self.stopping |= inputs.park
             if inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING
 

@@ -34,9 +34,6 @@ Over = Literal["expired", "superseded", "let go", "stopped"]
 """How what held beside the whole body ended: its time is over, another target took its place, somebody let it go, or a
 stop, a fault or a planner that was started again."""
 
-NOT_DONE: tuple[State, ...] = ("refused", "partly")
-"""States in which something that was asked is not done."""
-
 GOALS = ("heading", "waypoint")
 """What is heard where the robot is to come to a heading or a place in its odometry."""
 

@@ -45,7 +45,7 @@ from flexmotion.streamer.planning.restriction_targets import RestrictionTargets
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.source_turns import SourceTurns
 from flexmotion.streamer.planning.step_runner import StepRunner
-from flexmotion.streamer.planning.target_ledger import TargetLedger
+from flexmotion.streamer.planning.target_ledger import TargetLedger, halts
 
 Float = NDArray[np.float64]
 
@@ -174,7 +174,8 @@ class Replanner:
         self._drift.update(row)
         self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
-            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick - early))
+            halted, stands_at = self.ledger.halted or halts(row), partial(self._stands_at, row, tick - early)
+            self._runner.update(row, halted=halted, stands_at=stands_at)
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose

@@ -182,6 +182,8 @@ class StepRunner:
         self._last_rest.update(row)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped", row)
+            if halted:
+                self._drop_coming(row)
             return
         if not math.isfinite(source_s := self._clock.second(row, runs_on=self.resting)):
             return
@@ -305,6 +307,19 @@ class StepRunner:
             self._keeper = self._straight = None
             if self._program is not None:
                 self.source.stopped(self._program)
+
+    def _drop_coming(self, row: TickRow) -> None:
+        """A stop came before the first frame of the last target's program was played: nothing of it is under way."""
+        coming, self._coming = self._coming, None
+        if coming is None:
+            return
+        self._program, self._index = coming, len(coming.steps)
+        self._ends = list(coming.heard.steps)
+        if not coming.is_open:
+            known = {"end": "stopped", "end_s": self._second(row)}
+            self._ends = [step.model_copy(update=known) for step in self._ends]
+            self._publish()
+        self.source.stopped(coming)
 
     def _cut(self, end: End, row: TickRow) -> dict[str, object]:
         """What is known of the step under way when its program is ended.

@@ -66,6 +66,15 @@ def ended_by(row: TickRow) -> str | None:
     return _ENDED.get(state, _LIMP if row.limp.any() else _STOPPED)
 
 
+def halts(row: TickRow) -> bool:
+    """Whether the state of the loop ends what was asked for.
+
+    Before it stands nothing has ended: the robot will follow what its run was started with, whether it was armed or
+    gets up first. A fall, a fault and a stop halt in states of their own.
+    """
+    return ended_by(row) is not None and State(int(row.state)) not in (State.OFF, State.GET_UP)
+
+
 @dataclass(frozen=True)
 class _Entry:
     """A target with the time at which it was sent, on the ledger's clock [s]."""
@@ -176,12 +185,9 @@ class TargetLedger:
             taken: newest target that a plan of the loop follows, or an accepted plan will.
             start_of: gives the first tick of the plan by which the loop follows a target.
         """
-        state, now_s = State(int(row.state)), self.now_s()
-        ended = ended_by(row)
+        now_s, ended = self.now_s(), ended_by(row)
         if ended is not None:
-            # Before it stands nothing has ended: the robot will follow what its run was started with, whether it was
-            # armed or gets up first. A fall, a fault and a stop halt in states of their own.
-            self.halted |= state not in (State.OFF, State.GET_UP)
+            self.halted |= halts(row)
             self.refuse_all(ended)
             return
         self._answer_displaced(taken, start_of)

@@ -42,9 +42,13 @@ def test_joints_in_another_order_are_matched_by_name(clip, tmp_path):
         content = dict(archive)
     header = json.loads(str(content["header"]))
     header["joints"] = header["joints"][::-1]
+    torques = np.arange(len(clip) * 32, dtype=float).reshape(len(clip), 32)
+    backwards = [*range(6), *range(31, 5, -1)]  # six of the root, then one a joint
     content |= {"header": np.array(json.dumps(header)), "joints": content["joints"][:, ::-1]}
-    np.savez(path, **content)
+    np.savez(path, **content | {"torques": torques[:, backwards]})
     np.testing.assert_array_equal(load_motion(path).joints, clip.joints)
+    # Went wrong: torques stayed in the file's order, and were those of other joints.
+    np.testing.assert_array_equal(load_motion(path).torques, torques)
 
 
 def _spoil(path, **changes):

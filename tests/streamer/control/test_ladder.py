@@ -384,6 +384,16 @@ def test_a_stop_keeps_a_standing_robot_standing(state: State) -> None:
     assert ladder.state is state
 
 
+def test_park_wins_over_a_plan_that_begins_in_the_same_tick() -> None:
+    """Went wrong: a DISARM in the tick in which a walk began out of HOLD was lost, and the robot walked off."""
+    ladder = at(State.HOLD)
+    ladder.step(Inputs(park=True, plan_ready=True))
+    assert ladder.stopping
+    for _ in range(3):
+        ladder.step(Inputs())
+    assert ladder.state is State.PARK
+
+
 def test_park_while_streaming_parks_once_the_robot_stands() -> None:
     """The robot came to a stand and stayed in HOLD: the request was lost."""
     ladder = at(State.STREAMING)

@@ -469,6 +469,24 @@ def test_a_stop_ends_what_is_under_way_for_the_source_too() -> None:
     assert robot.runner.source.stopped_number == 1
 
 
+def test_a_stop_before_its_first_frame_ends_a_program_too() -> None:
+    """Went wrong: a walk that was stopped within .1 s was under way for the source: "slower" after the stop began it."""
+    robot = Robot((0, program(OPEN)))
+    robot.run(4.0, ahead=0.4)
+    robot.runner.turned(program(WALK, WAVE, number=2), robot.row)
+    robot.runner.update(robot.row, halted=True)
+    assert robot.runner.source.stopped_number == 2 and not robot.runner.travels
+    assert robot.heard[-1].id == 2 and robot.ends == ["stopped", "stopped"]
+
+
+def test_a_target_that_comes_before_the_robot_stands_is_not_stopped_by_it() -> None:
+    robot = Robot((0, program(OPEN)))
+    robot.row.state[...] = State.READY
+    robot.runner.turned(program(WALK, number=2), robot.row)
+    robot.runner.update(robot.row)
+    assert robot.runner.source.stopped_number is None and robot.runner.travels and not robot.heard
+
+
 def test_a_change_of_speed_leaves_a_robot_that_comes_to_rest_at_rest() -> None:
     """Regression: "slower", as half a metre was done and the robot came to rest, led on to 1.07 m, "done"."""
     robot = Robot((0, program(WALK)))
