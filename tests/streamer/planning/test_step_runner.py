@@ -470,7 +470,7 @@ def test_a_stop_ends_what_is_under_way_for_the_source_too() -> None:
 
 
 def test_a_stop_before_its_first_frame_ends_a_program_too() -> None:
-    """Went wrong: a walk that was stopped within .1 s was under way for the source: "slower" after the stop began it."""
+    """Went wrong: a walk that was stopped within .1 s was under way: "slower" after the stop began it."""
     robot = Robot((0, program(OPEN)))
     robot.run(4.0, ahead=0.4)
     robot.runner.turned(program(WALK, WAVE, number=2), robot.row)
