@@ -137,6 +137,9 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         feedback=header.feedback,
         allow_refused=header.allow_refused,
         min_likeness=header.min_likeness,
+        armed=header.armed,
+        attended=header.attended,
+        stay=header.stay,
     )
     end = int(log.rows["tick"][-1])
     targets, requests, persons = _targets(log), _requests(log), _persons(log)

@@ -12,6 +12,7 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
@@ -128,6 +129,37 @@ def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -
     asked = [Event(40, "request", "LIMP l_el,head_pan"), Event(90, "request", "STOP"), Event(91, "request", "of old")]
     made = _requests(changed(log, events=asked))
     assert made == [(40, Request.LIMP, "l_el,head_pan"), (90, Request.STOP, "")]
+
+
+def test_a_run_that_is_armed_disarmed_and_armed_again_is_the_same_run_again(
+    logged_session: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Torque went on with the first tick of the replay, which ended where the robot was first disarmed."""
+    made = logged_session(tmp_path / "armed.mcap", armed=False, attended=True, stay=True)
+    with made.session as session:
+        for request, seconds in ((Request.ARM, 1.0), (Request.DISARM, 3.5), (Request.ARM, 0.5)):
+            session.advance(0.1)
+            session.ask(request)
+            session.advance(seconds)
+        assert session.state.ladder is not State.OFF
+        session.finish()
+    log = read_log(made.path)
+    assert (log.header.armed, log.header.attended, log.header.stay) == (False, True, True)
+    assert log.rows["state"][5] == State.OFF
+    assert replay(log, Subject.of(log)).differing == []
+
+
+def test_a_stepped_run_that_stands_on_after_its_clip_does_so_again(
+    logged_session: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Whether the robot stays was known once the run had begun, and no log held it: the replay ended with the clip."""
+    made = logged_session(tmp_path / "stay.mcap", ClipLibrary({"wave": default_clip()[:30]}, "wave"))
+    with made.session as session:
+        session.advance(5.0)
+        session.finish()
+    log = read_log(made.path)
+    assert log.header.stay is True
+    assert replay(log, Subject.of(log)).differing == []
 
 
 def test_targets_for_hands_and_head_are_followed_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
