@@ -131,6 +131,22 @@ def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -
     assert made == [(40, Request.LIMP, "l_el,head_pan"), (90, Request.STOP, "")]
 
 
+def test_requests_of_one_tick_are_made_in_one_tick_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+    """A replay made one request a tick: a CLEAR in the tick of a STOP does not release it, a tick later it did."""
+    made = logged_session(tmp_path / "together.mcap", stay=True)
+    with made.session as session:
+        session.advance(1.5)
+        session.ask(Request.STOP)
+        session.advance(1.5)
+        for request in (Request.STOP, Request.CLEAR):
+            session.ask(request)
+        session.advance(0.5)
+        session.finish()
+    log = read_log(made.path)
+    assert [event.tick for event in log.events if event.message in ("STOP", "CLEAR")] == [188, 376, 376]
+    assert replay(log, Subject.of(log)).differing == []
+
+
 def test_a_run_that_is_armed_disarmed_and_armed_again_is_the_same_run_again(
     logged_session: Callable[..., Any], tmp_path: Path
 ) -> None:
