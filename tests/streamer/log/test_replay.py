@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import load_robot
+from flexmotion.human.motion_file import save_motion
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.api import open_source
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
@@ -19,9 +22,12 @@ from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, Replay, _compare, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.clip_library import ClipLibrary
+from flexmotion.streamer.motion.intents import Clip, Text
+from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Relax
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
+from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.run.requests import Request
 
 
@@ -122,6 +128,28 @@ def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:
     assert before is not None and after is not None
     np.testing.assert_array_equal(after.joints, before.joints)
     assert again.name == noisy.name and again.fps == noisy.fps
+
+
+def test_a_model_comes_back_with_the_clips_that_targets_may_name(bundle: Path, tmp_path: Path) -> None:
+    """They were not in the log: a clip that the run followed was refused in its replay."""
+    save_motion(default_clip()[225:285], tmp_path / "steps.npz")
+    clips = [tmp_path / "steps.npz"]
+    source = open_source(load_robot("op3"), Text("stand still"), bundle=bundle, clips=clips)
+    parts, files = pack(source)
+    windows = []
+    for one in (source, unpack(parts, files, tmp_path)):
+        assert isinstance(one, ModelSource) and one.clips == ("steps.npz",)
+        one.turn_to(Target(1, 0, Clip("steps.npz")), 0, None)
+        windows.append(one.window(0, 40))
+    before, after = windows
+    assert before is not None and after is not None
+    np.testing.assert_array_equal(after.joints, before.joints)
+    np.testing.assert_array_equal(after.root_position, before.root_position)
+    with pytest.raises(ConfigError, match=r"source model: the log lacks 'source/steps\.npz\.npz'"):
+        unpack(parts, {}, tmp_path)
+    del parts["clips"]
+    former = unpack(parts, {}, tmp_path)
+    assert isinstance(former, ModelSource) and former.clips == ()
 
 
 def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -> None:
