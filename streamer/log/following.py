@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 from flexmotion.streamer.control.ladder import State
@@ -28,19 +29,24 @@ class Published:
     """What a run publishes.
 
     Attributes:
-        header: of the run.
+        begun: gives the header of the run once it has begun: whether the robot stays is known then.
         heard: the answers to what is asked in the run.
         items: the answers to the script or the prompt, known before.
         persons: poses of the person who is mirrored; None: nobody is.
     """
 
-    header: LogHeader
+    begun: Callable[[], LogHeader]
     telemetry: Telemetry
     plans: PlanBuffer
     targets: TargetMailbox
     heard: HeardChannel
     items: Sequence[Heard] = ()
     persons: PersonChannel | None = None
+
+    @cached_property
+    def header(self) -> LogHeader:
+        """See `begun`."""
+        return self.begun()
 
 
 class Sink(Protocol):

@@ -64,6 +64,7 @@ class LogHeader(Strict):
         seconds: longest that the source is streamed [s].
         allow_refused: the run is ok although something that was asked was refused.
         min_likeness: the run is not ok below this likeness; None: not judged.
+        armed, attended, stay: see `flexmotion.streamer.run.parts.RunParts`; `stay` None: of an older version, unknown.
         start_ns: when the log was begun, nanoseconds since the epoch.
         wall_minus_perf_ns: offset from `perf_counter_ns` to the wall clock, measured once.
     """
@@ -82,6 +83,9 @@ class LogHeader(Strict):
     feedback: bool = True
     allow_refused: bool = False
     min_likeness: float | None = None
+    armed: bool = True
+    attended: bool = False
+    stay: bool | None = None
     settings: StreamSettings
     start_ns: int
     wall_minus_perf_ns: int

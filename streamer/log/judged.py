@@ -60,7 +60,7 @@ class Subject:
             underruns_allowed=budgets.underruns,
             log=str(log.path),
             targets=tuple(log.heard),
-            ends_itself=header.seconds is not None,
+            ends_itself=header.seconds is not None and not header.stay,
             allow_refused=header.allow_refused,
             min_likeness=header.min_likeness,
         )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, get_args
 
-from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.ladder import State as LadderState
 from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
+from flexmotion.streamer.motion.heard import Over, State
 from flexmotion.streamer.motion.part_intents import PARTS
 from flexmotion.streamer.motion.person_channel import PersonRow
 
@@ -61,7 +62,7 @@ _ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), (
 
 def tick_columns(joints: int) -> list[Column]:
     """Fields of `/tick`: those of `flexmotion.streamer.control.tick_row.TickRow`, in its order."""
-    states = tuple((state.name, int(state)) for state in State)
+    states = tuple((state.name, int(state)) for state in LadderState)
     return [
         Column(column.name, column.kind, column.size, column.unit, states) if column.name == "state" else column
         for column in columns_of(TickRow.dtype(joints=joints), UNITS)
@@ -117,7 +118,7 @@ HEARD_SCHEMA = {
         "at_s": {"type": ["number", "null"], "description": "followed from this time on [s]"},
         "tick": {"type": ["integer", "null"], "description": "followed from this tick on"},
         "asked": {"type": "string"},
-        "state": {"type": "string", "description": "accepted, slowed, moved, partly, refused"},
+        "state": {"type": "string", "description": ", ".join(get_args(State))},
         "heard_as": {"type": ["string", "null"], "description": "kinds of motion"},
         "manner": {"type": ["string", "null"], "description": "in which they are done, in the same order"},
         "certainty": {"type": ["number", "null"], "description": "the listener's share of that kind"},
@@ -130,7 +131,7 @@ HEARD_SCHEMA = {
         "holds": {"type": ["string", "null"], "description": "what holds from then on: part or restriction"},
         "there": {"type": ["string", "null"], "description": "of a part that is there: how far from its place"},
         "missed": {"type": ["string", "null"], "description": "of a part that was not there in time: likewise"},
-        "over": {"type": ["string", "null"], "description": "how it ended: expired, superseded, let go, stopped"},
+        "over": {"type": ["string", "null"], "description": "how it ended: " + ", ".join(get_args(Over))},
     },
     "required": ["stamp_ns", "asked", "state"],
 }

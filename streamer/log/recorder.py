@@ -51,7 +51,6 @@ class Recorder:
 
     def __init__(self, path: Path, attachments: Mapping[str, bytes], published: Published) -> None:
         self.path, self.attachments, self.published = path, attachments, published
-        self.header = published.header
         self.requests = RequestChannel()
         self._file = LogFile(path)
         # The first part stays locked while the run goes on in a later one.
@@ -130,12 +129,12 @@ class _Recording:
     """A log that is being written."""
 
     def __init__(self, recorder: Recorder, file: LogFile, status: RecordingStatus) -> None:
-        self.header, self.file, self.status = recorder.header, file, status
+        self.header, self.file, self.status = recorder.published.header, file, status
         self._attachments, self._requests = recorder.attachments, recorder.requests
-        self._rotation = Rotation(recorder.path, recorder.header.settings.log)
+        self._rotation = Rotation(recorder.path, self.header.settings.log)
         self._flushed = self._begun = 0  # ticks that were written before the last flush, and before this part
         self._stopped = False
-        self._writer = LogWriter(file, recorder.header, recorder.attachments)
+        self._writer = LogWriter(file, self.header, recorder.attachments)
         self._following = Following(recorder.published, self._writer)
 
     def step(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from flexmotion.configs.robot import list_robots
 from flexmotion.drivers.interface import Driver
 from flexmotion.streamer.log.following import Published
-from flexmotion.streamer.log.header import begin_header, robot_files
+from flexmotion.streamer.log.header import LogHeader, begin_header, robot_files
 from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.source import pack
@@ -63,10 +63,16 @@ def _published(session: Session, clock: Literal["real", "lockstep"]) -> tuple[Pu
         feedback=session.feedback,
         allow_refused=session.allow_refused,
         min_likeness=session.min_likeness,
+        armed=session.armed,
+        attended=session.attended,
     )
     channels = (session.telemetry, session.plans, session.targets, session.heard_channel)
     persons = session.source.channel if isinstance(session.source, MirrorSource) else None
-    return Published(header, *channels, tuple(session.heard), persons), motions
+
+    def begun() -> LogHeader:
+        return header.model_copy(update={"stay": session.stay})
+
+    return Published(begun, *channels, tuple(session.heard), persons), motions
 
 
 def driver_options(driver: Driver) -> dict[str, Any]:

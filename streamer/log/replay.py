@@ -17,7 +17,7 @@ from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.motion.intents import from_content
 from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.report.report import Report
-from flexmotion.streamer.run.requests import OF_JOINTS, Request
+from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
 TOLERANCES = {
@@ -137,6 +137,9 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         feedback=header.feedback,
         allow_refused=header.allow_refused,
         min_likeness=header.min_likeness,
+        armed=header.armed,
+        attended=header.attended,
+        stay=header.stay,
     )
     end = int(log.rows["tick"][-1])
     targets, requests, persons = _targets(log), _requests(log), _persons(log)
@@ -152,12 +155,8 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
             progress(min(tick / max(end, 1), 1.0))
         if tick > end:
             return Request.QUIT  # a source that follows targets would go on for ever where the log lacks its end
-        if not (requests and requests[0][0] <= tick):
-            return None
-        _, request, joints = requests.pop(0)
-        if request not in OF_JOINTS:
-            return request
-        session.requests.send(request, joints)
+        while requests and requests[0][0] <= tick:
+            session.requests.send(*requests.pop(0)[1:])
         return None
 
     session.next_request = operate

@@ -39,14 +39,14 @@ def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
         file = f"{_FOLDER}/clip.npz"
         return {"kind": "clip", "name": source.name, "file": file}, {file: _pack_motion(source.motion)}
     if isinstance(source, ClipLibrary):
-        files = {name: f"{_FOLDER}/{name}.npz" for name in source.clips}
-        packed = {files[name]: _pack_motion(clip) for name, clip in source.clips.items()}
+        files, packed = _pack_clips(source.clips)
         return {"kind": "clips", "first": source.first, "files": files}, packed
     if isinstance(source, NoisySource):
         parts, packed = pack(source.source)
         return {"kind": "noise", "size_m": source.size_m, "seed": source.seed, "of": parts}, packed
     if isinstance(source, ModelSource):
-        return _pack_model(source), {}
+        named, packed = _pack_clips(source._clips.clips)
+        return {**_pack_model(source), "clips": named}, packed
     if isinstance(source, MirrorSource):
         foreseen = {} if source.sampler is None else _bundle_parts(source.sampler)
         return {"kind": MIRROR, "name": source.name, **foreseen}, {}
@@ -67,12 +67,11 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
             source.name = parts["name"]
             return source
         if kind == "clips":
-            clips = {name: _unpack_motion(files[file]) for name, file in parts["files"].items()}
-            return ClipLibrary(clips, parts["first"])
+            return ClipLibrary(_unpack_clips(parts["files"], files), parts["first"])
         if kind == "noise":
             return NoisySource(unpack(parts["of"], files, origin), parts["size_m"], parts["seed"])
         if kind == MODEL:
-            return _unpack_model(parts, origin)
+            return _unpack_model(parts, files, origin)
         if kind == MIRROR:
             sampler = _unpack_sampler(parts, origin) if "hash" in parts else None
             return MirrorSource(PersonChannel(), sampler, parts["name"])
@@ -119,12 +118,14 @@ def _unpack_sampler(parts: Parts, origin: Path) -> Sampler:
     return Sampler(_unpack_bundle(parts, origin), balanced=parts.get("balanced", False))
 
 
-def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+def _unpack_model(parts: Parts, files: Mapping[str, bytes], origin: Path) -> ModelSource:
     sampler = _unpack_sampler(parts, origin)
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     straight = parts.get("straight", False)  # older runs kept no course
-    return ModelSource(sampler, items, parts["name"], parts["seed"], parts["seconds"], pace, straight=straight)
+    clips = _unpack_clips(parts.get("clips", {}), files)  # older logs have none
+    how: dict[str, Any] = {"clips": clips, "straight": straight}
+    return ModelSource(sampler, items, parts["name"], parts["seed"], parts["seconds"], pace, **how)
 
 
 def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
@@ -132,6 +133,16 @@ def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
         return None if speeds is None else Pace(**speeds)
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{origin}: source pace: {error}") from error
+
+
+def _pack_clips(clips: Mapping[str, Motion]) -> tuple[dict[str, str], dict[str, bytes]]:
+    """Attachment names of clips by the clips' names, and the motion files by attachment name."""
+    files = {name: f"{_FOLDER}/{name}.npz" for name in clips}
+    return files, {files[name]: _pack_motion(clip) for name, clip in clips.items()}
+
+
+def _unpack_clips(named: Mapping[str, str], files: Mapping[str, bytes]) -> dict[str, Motion]:
+    return {name: _unpack_motion(files[file]) for name, file in named.items()}
 
 
 def _pack_motion(motion: Motion) -> bytes:

@@ -40,7 +40,7 @@ class RunParts:
         seconds: how much of the source is streamed at most [s]; None: all of it.
         feedback: whether balance feedback acts.
         stay: keep standing after the source has ended, until END is requested. None: only where a program steps the run
-            and its source follows targets without an end.
+            and its source follows targets without an end. Once the run has begun it says which.
         realtime: on the real clock: ask the system for realtime scheduling.
         progress: called each tick with the time of the source that plays [s].
         next_request: called before each tick (on the real clock every 20 ms) for an operator's request; None: none. It

@@ -77,7 +77,7 @@ class Session(RunParts):
                 while self.step():
                     pass
             return self.record
-        self._begin()
+        self._begin(bool(self.stay))
         try:
             run_in_real_time(self)
             return self.record
@@ -100,10 +100,10 @@ class Session(RunParts):
         return self._begun(endless if self.stay is None else self.stay)
 
     def _begun(self, stay: bool) -> Self:
-        self._begin()
+        self._begin(stay)
         self._entered = ExitStack()
         try:
-            self._step = self._entered.enter_context(stepped(self, stay))
+            self._step = self._entered.enter_context(stepped(self))
         except BaseException:
             self._end()
             raise
@@ -119,10 +119,10 @@ class Session(RunParts):
         finally:
             self._end()
 
-    def _begin(self) -> None:
+    def _begin(self, stay: bool) -> None:
         if self.phase is not Phase.NEW:
             raise SessionError(f"{self!r}: a session is run once; open another")
-        self.phase, self._begin_s = Phase.RUNNING, time.perf_counter()
+        self.phase, self.stay, self._begin_s = Phase.RUNNING, stay, time.perf_counter()
 
     def _end(self) -> None:
         self.phase, self.elapsed_s = Phase.ENDED, time.perf_counter() - self._begin_s

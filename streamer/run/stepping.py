@@ -17,7 +17,7 @@ from flexmotion.streamer.run.supervisor import requests_of
 
 
 @contextmanager
-def stepped(run: RunParts, stay: bool) -> Iterator[Callable[[], bool]]:
+def stepped(run: RunParts) -> Iterator[Callable[[], bool]]:
     """Open the driver; each call of the function runs one tick and returns whether the run goes on.
 
     Raises:
@@ -40,7 +40,7 @@ def stepped(run: RunParts, stay: bool) -> Iterator[Callable[[], bool]]:
             loop,
             run.settings,
             seconds=run.seconds,
-            stay=stay,
+            stay=bool(run.stay),
             armed=run.armed,
             attended=run.attended,
             patient=run.patient,

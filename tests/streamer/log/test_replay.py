@@ -11,16 +11,23 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import load_robot
+from flexmotion.human.motion_file import save_motion
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.api import open_source
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, Replay, _compare, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.clip_library import ClipLibrary
+from flexmotion.streamer.motion.intents import Clip, Text
+from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import FootPlace, Hand, HeadPlace, JointAngle, Look, Relax
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
+from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.run.requests import Request
 
 
@@ -123,11 +130,80 @@ def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:
     assert again.name == noisy.name and again.fps == noisy.fps
 
 
+def test_a_model_comes_back_with_the_clips_that_targets_may_name(bundle: Path, tmp_path: Path) -> None:
+    """They were not in the log: a clip that the run followed was refused in its replay."""
+    save_motion(default_clip()[225:285], tmp_path / "steps.npz")
+    clips = [tmp_path / "steps.npz"]
+    source = open_source(load_robot("op3"), Text("stand still"), bundle=bundle, clips=clips)
+    parts, files = pack(source)
+    windows = []
+    for one in (source, unpack(parts, files, tmp_path)):
+        assert isinstance(one, ModelSource) and one.clips == ("steps.npz",)
+        one.turn_to(Target(1, 0, Clip("steps.npz")), 0, None)
+        windows.append(one.window(0, 40))
+    before, after = windows
+    assert before is not None and after is not None
+    np.testing.assert_array_equal(after.joints, before.joints)
+    np.testing.assert_array_equal(after.root_position, before.root_position)
+    with pytest.raises(ConfigError, match=r"source model: the log lacks 'source/steps\.npz\.npz'"):
+        unpack(parts, {}, tmp_path)
+    del parts["clips"]
+    former = unpack(parts, {}, tmp_path)
+    assert isinstance(former, ModelSource) and former.clips == ()
+
+
 def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -> None:
     """Their names made no request of the event, and a replay left them out."""
     asked = [Event(40, "request", "LIMP l_el,head_pan"), Event(90, "request", "STOP"), Event(91, "request", "of old")]
     made = _requests(changed(log, events=asked))
     assert made == [(40, Request.LIMP, "l_el,head_pan"), (90, Request.STOP, "")]
+
+
+def test_requests_of_one_tick_are_made_in_one_tick_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
+    """A replay made one request a tick: a CLEAR in the tick of a STOP does not release it, a tick later it did."""
+    made = logged_session(tmp_path / "together.mcap", stay=True)
+    with made.session as session:
+        session.advance(1.5)
+        session.ask(Request.STOP)
+        session.advance(1.5)
+        for request in (Request.STOP, Request.CLEAR):
+            session.ask(request)
+        session.advance(0.5)
+        session.finish()
+    log = read_log(made.path)
+    assert [event.tick for event in log.events if event.message in ("STOP", "CLEAR")] == [188, 376, 376]
+    assert replay(log, Subject.of(log)).differing == []
+
+
+def test_a_run_that_is_armed_disarmed_and_armed_again_is_the_same_run_again(
+    logged_session: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Torque went on with the first tick of the replay, which ended where the robot was first disarmed."""
+    made = logged_session(tmp_path / "armed.mcap", armed=False, attended=True, stay=True)
+    with made.session as session:
+        for request, seconds in ((Request.ARM, 1.0), (Request.DISARM, 3.5), (Request.ARM, 0.5)):
+            session.advance(0.1)
+            session.ask(request)
+            session.advance(seconds)
+        assert session.state.ladder is not State.OFF
+        session.finish()
+    log = read_log(made.path)
+    assert (log.header.armed, log.header.attended, log.header.stay) == (False, True, True)
+    assert log.rows["state"][5] == State.OFF
+    assert replay(log, Subject.of(log)).differing == []
+
+
+def test_a_stepped_run_that_stands_on_after_its_clip_does_so_again(
+    logged_session: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Whether the robot stays was known once the run had begun, and no log held it: the replay ended with the clip."""
+    made = logged_session(tmp_path / "stay.mcap", ClipLibrary({"wave": default_clip()[:30]}, "wave"))
+    with made.session as session:
+        session.advance(5.0)
+        session.finish()
+    log = read_log(made.path)
+    assert log.header.stay is True
+    assert replay(log, Subject.of(log)).differing == []
 
 
 def test_targets_for_hands_and_head_are_followed_again(logged_session: Callable[..., Any], tmp_path: Path) -> None:
