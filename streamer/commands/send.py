@@ -216,7 +216,10 @@ def send(
         answer = client.ask({**message, "ttl_s": seconds})
         _present(answer, run.as_json)
         if wait and not run.as_json:
-            print_note("waits for its end; Ctrl-C ends the wait, and not what the robot does")
+            print_note(
+                "waits for its end (words without an amount, such as 'wave', end with the next target); Ctrl-C ends "
+                "the wait, and not what the robot does"
+            )
         ended = client.wait(answer) if wait else None
     if ended is None:
         return

@@ -73,7 +73,7 @@ _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _STANDS_AFTER = {"clip", "stop"}
-"""Words of targets that end in a stand and have no measured steps, beside sentences that are heard as standing."""
+"""Words of targets that end in a stand, where none of their steps is measured; so do sentences heard as standing."""
 
 
 class Desk:
@@ -412,7 +412,9 @@ class Desk:
             # It stands, though a target was followed: one that leads to a stand is done, others were given up, such as
             # those of a planner that was started again.
             tick = self.following.answer.tick
-            stands = self.following.answer.heard_as == STAND or self.following.asked.keys() & _STANDS_AFTER
+            measured = self.following.last is not None and self.following.last.is_measured
+            stands = self.following.asked.keys() & _STANDS_AFTER and not measured
+            stands = stands or self.following.answer.heard_as == STAND
             if tick is not None and int(row.tick) > tick:
                 now = time.perf_counter()
                 since_s = now if self.following.stood_s is None else self.following.stood_s

@@ -218,10 +218,14 @@ class ModelSource:
         return concatenate(self._cut(first, self._next)) if self._first <= first < self._next else None
 
     def finish(self, frame: int) -> None:
-        """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame."""
+        """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame.
+
+        That of a target ends nothing: another target may come until the end.
+        """
         current = self.program_at(frame)
         self._finished = None if current is None else current[1].number
-        if self._end is not None and not any(at > frame for at, _ in self._programs):
+        asked = current is not None and current[1].heard.id > 0
+        if self._end is not None and not asked and not any(at > frame for at, _ in self._programs):
             self._end = min(self._end, frame + 1)
 
     def stopped(self, program: Program) -> None:

@@ -119,6 +119,21 @@ def test_a_robot_that_stands_follows_nothing_any_more(make_office: Make, message
     assert [ended.end for ended in ends] == [end]
 
 
+def test_a_clip_that_is_cut_off_is_stopped_and_not_done(make_office: Make, clock: Clock) -> None:
+    """Went wrong: of a clip whose robot came to rest a second after its begin, "done" was told."""
+    office = make_office()
+    number, ends = told_ends(office, '{"type":"clip","clip":"bow"}')
+    step = HeardStep(text="bow", amount=4.5, unit="time", limit_s=6.5)
+    office.run.heard.publish(Heard(id=number, asked="bow", state="accepted", heard_as="clip", steps=(step,)))
+    office.desk.pump()
+    office.run.state = State.HOLD
+    for _ in range(60):
+        clock.now += 0.5
+        office.run.step()
+        office.desk.pump()
+    assert [ended.end for ended in ends] == ["stopped"]
+
+
 def test_what_is_measured_a_moment_after_the_stand_is_done_and_not_stopped(make_office: Make, clock: Clock) -> None:
     """One "bow once" ended as "stopped": the robot stood, and its bow was counted a sixth of a second later."""
     office = make_office()

@@ -315,6 +315,17 @@ def test_it_ends_at_its_length_and_at_the_scripts_stop() -> None:
     assert stopped.cut(2.0).seconds == 2.0 and stopped.cut(9.0).seconds == 5.0 and source().seconds is None
 
 
+def test_a_script_that_is_done_ends_it_and_a_target_that_is_done_does_not() -> None:
+    """Went wrong: `dry-run --web --seconds 120` parked the robot once a heading, or a turn of 45 degrees, was done."""
+    it = source(Item(0.0, Text("walk for one second")), seconds=120.0)
+    it.turn_to(target(Text("walk two steps")), 20, None)
+    it.finish(60)
+    assert not it.is_over(900) and it.window(900, 30) is not None
+    script = source(Item(0.0, Text("walk for one second")), seconds=120.0)
+    script.finish(60)
+    assert script.is_over(900)
+
+
 def test_the_whole_motion_is_that_of_the_windows() -> None:
     it = source(seconds=3.0)
     windows = [it.window(begin, 10) for begin in range(0, 90, 10)]
