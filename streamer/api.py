@@ -291,20 +291,25 @@ def open_session(
 
 def retarget_motion(
     motion: Motion,
-    robot: Robot,
+    robot: Robot | str | Path,
     settings: StreamSettings | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """A motion as the robot would play it, without running it: balanced and inside the joints' limits.
 
     Args:
+        motion: of a human, as of `load_motion`.
+        robot: from `open_robot`, or its name or folder.
         progress: called with the share done, in [0, 1].
 
     Returns:
         One row a tick of the robot: joint angles `q` (T, n) [rad], torso `base` (T, 7), planned `contacts` (T, 2), …
 
     Raises:
-        ConfigError: the motion is longer than half an hour.
+        ConfigError: the motion is longer than half an hour, or no motion.
         MotionFormatError: it has fewer than two frames.
     """
+    if not isinstance(motion, Motion):
+        raise ConfigError(f"motion: {motion!r}, expected a Motion, as of fm.load_motion(file)")
+    robot = robot if isinstance(robot, Robot) else open_robot(robot)
     return retarget_offline(robot, ClipSource(motion), load_stream() if settings is None else settings, progress)

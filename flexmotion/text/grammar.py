@@ -103,6 +103,8 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         forbidding = clause.forbidden
         if clauses and clause.asks is clauses[-1].asks and clause.asks in (Asks.FASTER, Asks.SLOWER):
             clauses.pop()  # "that's too fast, slow down a bit" asks once
+        if part.joint == "or" and clauses and not (clause.forbidden or clauses[-1].forbidden):
+            clause = replace(clause, refusal=clause.refusal or f"say which: {clauses[-1].said!r} or {clause.said!r}")
         clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)

@@ -200,8 +200,8 @@ class Session(RunParts):
 
     def _require_open(self) -> None:
         if self._over or self.phase is Phase.ENDED:
-            over = "" if self.phase is Phase.ENDED else "the run is over, "
-            raise SessionError(f"{self!r}: {over}nothing acts on it any more")
+            own = f"{self!r}: " if self.phase is Phase.ENDED else f"the run of {self.robot.name} is over: "
+            raise SessionError(f"{own}nothing acts on it any more")
 
     @property
     def heard(self) -> list[Heard]:

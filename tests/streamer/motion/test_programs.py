@@ -231,6 +231,13 @@ def test_a_number_without_a_unit_is_named(hearing: Hearing) -> None:
     assert "cannot dance yet" in str(hear(hearing, "can you dance?").heard.reason)
 
 
+@pytest.mark.parametrize("say", ["wave for 3 seconds or bow", "walk forward or turn left"])
+def test_of_two_requests_with_or_between_none_is_done(hearing: Hearing, say: str) -> None:
+    """Went wrong: both were done, one after the other."""
+    program = hear(hearing, say)
+    assert program.heard.state == "refused" and "say which" in str(program.heard.reason) and not moves(program)
+
+
 def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
     """What follows a step that cannot be done would be done in another place than it was meant for."""
     program = hear(hearing, "wave, then jump over the gap, then walk two metres")

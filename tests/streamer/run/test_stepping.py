@@ -114,9 +114,9 @@ def test_a_run_that_is_over_takes_nothing_more() -> None:
     with open_session("op3", source=library()) as session:
         session.advance(0.5)
         record = session.finish()
-        with pytest.raises(SessionError, match="the run is over, nothing acts on it any more"):
+        with pytest.raises(SessionError, match="the run of op3 is over: nothing acts on it any more"):
             session.send(Clip("wave"))
-        with pytest.raises(SessionError, match="the run is over, nothing acts on it any more"):
+        with pytest.raises(SessionError, match="the run of op3 is over: nothing acts on it any more"):
             session.ask(Request.STOP)
         assert session.finish() is record, "to finish twice does no harm"
 
