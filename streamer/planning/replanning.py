@@ -452,7 +452,7 @@ class Replanner:
             known: dict[str, object] = {"at_s": followed.at_s, "tick": followed.tick}
             if followed.state == "refused":  # its program ends with it, and knows nothing of why
                 known |= {"state": followed.state, "reason": followed.reason}
-            heard = heard.model_copy(update=known)
+            heard = self.ledger.answer = heard.model_copy(update=known)
         last = [step for step in heard.steps if step.end is not None][-1:]
         for step in last:
             self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")

@@ -188,6 +188,7 @@ class TargetLedger:
         now_s, ended = self.now_s(), ended_by(row)
         if ended is not None:
             self.halted |= halts(row)
+            self._take_back(int(row.target), ended)
             self.refuse_all(ended)
             return
         self._answer_displaced(taken, start_of)
@@ -218,6 +219,16 @@ class TargetLedger:
         elif followed.age_s(now_s) > followed.target.holds_s:
             self.halted = True
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
+
+    def _take_back(self, begun: int, reason: str) -> None:
+        """Refuse, by a later version, a target whose plan only waited when the stop came: the loop has dropped it.
+
+        Args:
+            begun: newest target of which a plan was played.
+        """
+        if self.answer is not None and begun < self.answer.id and self.answer.state != "refused":
+            self.answer = self.answer.model_copy(update={"state": "refused", "reason": reason})
+            self.publish(self.answer)
 
     def turned(self, target: Target, heard: Heard | None, *, goes_on: bool = False) -> None:
         """The source follows a target from now on.

@@ -47,7 +47,7 @@ class Bench:
         target = self.ledger.wanted
         self.ledger.turned(target, heard)
         self.taken = target.id
-        self.look(tick)
+        self.look(tick, target=target.id)
 
 
 @pytest.fixture
@@ -334,6 +334,20 @@ def test_answers_that_are_no_longer_kept_count_as_given() -> None:
     for number in range(1, 201):
         channel.publish(Heard(id=number, asked="wave", state="accepted"))
     assert all(number in channel.answered() for number in range(1, 201)) and 201 not in channel.answered()
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_target_whose_plan_a_stop_dropped_before_it_began_is_refused(bench: Bench, begun: bool) -> None:
+    """Went wrong: "accepted, followed from tick 755" stayed the answer to a velocity of which no plan was ever played."""
+    target = bench.mailbox.send(WALK)
+    bench.look(10)
+    bench.ledger.turned(target, None)
+    bench.taken = target.id  # a plan for it waits
+    bench.look(11, target=target.id if begun else 0)
+    for tick in (12, 13):
+        bench.look(tick, must_stop=True)
+    assert [state for _, state in bench.states] == ["accepted", *([] if begun else ["refused"])]
+    assert begun or "release the stop" in str(bench.told[-1].reason)
 
 
 def test_getting_up_first_keeps_what_the_run_was_started_with(bench: Bench) -> None:
