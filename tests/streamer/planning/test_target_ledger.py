@@ -338,7 +338,7 @@ def test_answers_that_are_no_longer_kept_count_as_given() -> None:
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_target_whose_plan_a_stop_dropped_before_it_began_is_refused(bench: Bench, begun: bool) -> None:
-    """Went wrong: "accepted, followed from tick 755" stayed the answer to a velocity of which no plan was ever played."""
+    """Went wrong: "accepted, followed from tick 755" stayed the answer to a velocity that was never followed."""
     target = bench.mailbox.send(WALK)
     bench.look(10)
     bench.ledger.turned(target, None)
