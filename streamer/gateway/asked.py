@@ -110,13 +110,13 @@ class Following:
         waits_s = now.amount if now is not None and now.unit == "time" else None
         return MEASURED_S + (waits_s or 0.0)
 
-    def ended(self, end: TargetEnd) -> Following:
-        """The same at its end, of which its sender is told once."""
+    def ended(self, end: TargetEnd, why: str | None = None) -> Following:
+        """The same at its end, of which its sender is told once; `why`: it was given up."""
         if self.end is not None:
             return self
         if self.on_end is not None and self.answer.target is not None:
             over = [step for step in self.steps if step.end is not None]
-            done = over[0].done if len(self.steps) == 1 and over else None
+            done = over[0].done if len(self.steps) == 1 and over else why
             if len(self.steps) > 1 and over:
                 done = "; ".join(f"{step.text}: {step.fate}" for step in over)
             answer = self.answer

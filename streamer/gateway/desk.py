@@ -309,10 +309,10 @@ class Desk:
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
                 self.following = replace(self.following, steps=heard.steps, stood_s=None)
-                if (end := self.following.measured_end) is not None:
-                    self.following = self.following.ended(end)
-                elif heard.state == "refused":  # given up: its plan would pass the servos' envelope
-                    self.following = self.following.ended("stopped")
+                given_up = heard.state == "refused"  # its plan would pass the servos' envelope
+                end = self.following.measured_end or ("stopped" if given_up else None)
+                if end is not None:
+                    self.following = self.following.ended(end, heard.reason if given_up else None)
             return
         told = self._reply(
             asked,

@@ -294,7 +294,8 @@ class Ended(BaseModel):
             long. expired: its time to live is over. superseded: the robot follows another target, stands for words that
             it does not understand, or the part was let go before it was there. stopped: by a stop, a fault, or torque
             off.
-        done: what the robot did, by its own odometry, or how far the part is from its place, in words.
+        done: what the robot did, by its own odometry, how far the part is from its place, or why the target was given
+            up, in words.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
