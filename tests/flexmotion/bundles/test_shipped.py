@@ -58,7 +58,7 @@ def test_the_free_bundle_allows_products_and_refuses_what_it_lacks_by_name() -> 
     sampler = Sampler(Bundle(shipped.bundle_folder("free")))
     assert "NC" not in sampler.bundle.manifest.licence and "commercial products" in sampler.bundle.manifest.licence
     refused, heard = sampler.prompt("wave with your right hand"), sampler.prompt("give me a salute")
-    assert refused.warning is not None and "cannot wave right hand" in refused.warning
+    assert refused.warning is not None and "cannot wave with the right hand" in refused.warning
     assert heard.kind == "salute-right-hand" and heard.warning is None
     sampled = sampler.sample(sampler.standing(), Condition("salute"), 0)
     human = forward(sampled)
