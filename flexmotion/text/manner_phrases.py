@@ -141,7 +141,8 @@ def _end(text: str, start: int, end: int, known: list[MannerPhrase]) -> tuple[in
         # "like someone who is tired": behind its listed words.
         relative = None if head is None else _RELATES.search(text, max(head.end(), listed), match.start())
         begins = relative.end() if relative else first
-        clear = head and not relative or any(begins <= one.end <= match.start() for one in known)
+        whole = head is not None and relative is None
+        clear = whole or any(begins <= one.end <= match.start() for one in known)
         if clear and not _HOLDS_ON.search(text[start : match.start()]):
             return len(text[: match.start()].rstrip()), match["request"] is not None
     return end, False

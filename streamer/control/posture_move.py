@@ -47,7 +47,6 @@ class PostureMove:
             speed: greatest joint speed [rad/s].
         """
         self.start[:], self.goal[:] = start, goal
-        # A minimum-jerk profile peaks at 15/8 of its mean speed.
         seconds = max(least_s, MINIMUM_JERK_PEAK * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
         self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
         part = np.linspace(0.0, 1.0, _KNOTS)[:, None]

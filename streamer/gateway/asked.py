@@ -116,8 +116,10 @@ class Following:
             return self
         if self.on_end is not None and self.answer.target is not None:
             over = [step for step in self.steps if step.end is not None]
-            done = over[0].done if len(self.steps) == 1 and over else why
-            if len(self.steps) > 1 and over:
+            done = over[0].done if len(self.steps) == 1 and over else None
+            if why is not None:
+                done = why
+            elif len(self.steps) > 1 and over:
                 done = "; ".join(f"{step.text}: {step.fate}" for step in over)
             answer = self.answer
             self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))

@@ -70,6 +70,15 @@ def told_ends(office: Any, text: str) -> tuple[int, list[Ended]]:
     return number, ends
 
 
+def stand(office: Any, clock: Clock, seconds: float) -> None:
+    """The robot stands in HOLD for so long."""
+    office.run.state = State.HOLD
+    for _ in range(round(seconds / 0.5)):
+        clock.now += 0.5
+        office.run.step()
+        office.desk.pump()
+
+
 @pytest.mark.parametrize("how", ["done", "time limit"])
 def test_the_end_of_a_target_is_told_once_to_who_asked_for_it(make_office: Make, how: Any) -> None:
     """A program learnt from the status alone that a target had ended, and not whether it was its own."""
@@ -126,11 +135,7 @@ def test_a_clip_that_is_cut_off_is_stopped_and_not_done(make_office: Make, clock
     step = HeardStep(text="bow", amount=4.5, unit="time", limit_s=6.5)
     office.run.heard.publish(Heard(id=number, asked="bow", state="accepted", heard_as="clip", steps=(step,)))
     office.desk.pump()
-    office.run.state = State.HOLD
-    for _ in range(60):
-        clock.now += 0.5
-        office.run.step()
-        office.desk.pump()
+    stand(office, clock, 30.0)
     assert [ended.end for ended in ends] == ["stopped"]
 
 
@@ -223,11 +228,7 @@ def test_a_measured_target_whose_planner_has_died_has_ended_too(make_office: Mak
     number = office.run.arrived()[-1].id
     office.run.answer(number, heard="bow", steps=(HeardStep(text="bow", amount=1.0, unit="times", limit_s=20.0),))
     office.desk.pump()
-    office.run.state = State.HOLD
-    for _ in range(12):
-        clock.now += 0.5
-        office.run.step()
-        office.desk.pump()
+    stand(office, clock, 6.0)
     assert [ended.end for ended in ends] == ["stopped"]
 
 
@@ -243,6 +244,17 @@ def test_words_that_are_heard_as_standing_end_in_a_stand(make_office: Make) -> N
         office.run.step()
         office.desk.pump()
     assert [ended.end for ended in ends] == ["done"]
+
+
+def test_the_end_of_a_heading_that_was_given_up_says_why(make_office: Make) -> None:
+    """Its step had ended too, with nothing measured, and the end said "stopped" alone."""
+    office = make_office()
+    number, ends = told_ends(office, '{"type":"heading","heading_rad":1.5}')
+    step = HeardStep(text="heading", heard_as="heading", end="stopped")
+    reason = "l_knee needs 2.05 N·m, its cap is 1.5 N·m"
+    office.run.heard.publish(Heard(id=number, asked="heading", state="refused", reason=reason, steps=(step,)))
+    office.desk.pump()
+    assert [(ended.end, ended.done) for ended in ends] == [("stopped", reason)]
 
 
 def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:
