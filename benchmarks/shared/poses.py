@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.shared.judges import SIDES
-from flexmotion.dataset.gestures.arm import landmark
+from flexmotion.gestures.arm import landmark
 from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.human.motion import Motion
 from flexmotion.human.vectors import unit

@@ -19,7 +19,7 @@ from matplotlib.collections import LineCollection
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.gestures.make import INDEX
-from flexmotion.dataset.gestures.recipes import recipes
+from flexmotion.gestures.recipes import recipes
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from flexmotion.features.constraints import Constraints
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.rhythm import Rhythm
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class Condition:
             of `velocity`; None for no such correction.
         noise: factor of the noise that the window is sampled from.
         constraints: places, angles, path and forces that are asked of single frames, means of the path; None for none.
-        pose: in which the arms are kept; None: they move as sampled.
+        pose: in which the arms are kept, or the gesture that they and the head make; None: they move as sampled,
+            and words of a rhythm begin with this window.
         held: whether the pose that is asked for is reached, so that the window is quiet.
     """
 
@@ -43,7 +45,7 @@ class Condition:
     asked: tuple[float, float, float] | None = None
     noise: float = 1.0
     constraints: Constraints | None = None
-    pose: KeptPose | None = None
+    pose: KeptPose | Rhythm | None = None
     held: bool = False
 
     @property

@@ -29,6 +29,7 @@ from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.resting_feet import RestingFeet
+from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -60,7 +61,7 @@ class Draft:
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
-        pose: in which the arms are kept; None: they move as decoded.
+        pose: see `Condition`; None: arms and head move as decoded.
         cutoff: at which balanced windows are low-passed [Hz].
         source: of the motion.
     """
@@ -73,7 +74,7 @@ class Draft:
     rest: Float | None
     on_the_spot: bool
     asked: Constraints | None
-    pose: KeptPose | None
+    pose: KeptPose | Rhythm | None
     cutoff: float
     source: str
 
@@ -102,7 +103,7 @@ class Draft:
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
-        return motion if self.pose is None else self.pose.kept(motion), slip
+        return motion if self.pose is None else self.pose.kept(motion, self.history), slip
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.

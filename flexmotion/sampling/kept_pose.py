@@ -50,6 +50,6 @@ class KeptPose:
         """The pose as seen from so many frames later."""
         return replace(self, frame=self.frame - frames)
 
-    def kept(self, window: Motion) -> Motion:
-        """A window, with its arms led to the pose after its frame."""
+    def kept(self, window: Motion, before: Motion) -> Motion:
+        """A window, with its arms led to the pose after its frame; the motion before it does not count."""
         return led_to(window, self.joints, ARMS, KEEPING_S, max(self.frame + 1, 0))

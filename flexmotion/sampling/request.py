@@ -14,6 +14,7 @@ from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.heading_frame import chord
 from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.rhythm import rhythm_kinds
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import BACK, STAND, TURNS, WALK
@@ -63,6 +64,7 @@ class Requests:
             self.manners,
             bundle.manner_listener,
         )
+        self._rhythms = rhythm_kinds()
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
         self._turning = tuple(self.reader.meaning(kind) for kind in TURNS)
         self.read = lru_cache(maxsize=64)(self.reader)
@@ -77,7 +79,12 @@ class Requests:
         return self.reader.idle if text is None else self.read(text)
 
     def meant(self, condition: Condition) -> Condition:
-        """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""
+        """The condition with words replaced by the velocity that they mean, where they mean one, within its pace.
+
+        Words of a rhythm mean standing.
+        """
+        if self.rhythm(condition) is not None:
+            condition = replace(condition, text=None)
         if not self._manifest.velocity or condition.wordless:
             return condition
         if condition.text is not None and condition.manner is None:
@@ -103,6 +110,13 @@ class Requests:
     def travelling_noise(self) -> float:
         """Most noise of windows that travel, relative to others."""
         return self._corrections.travelling_noise
+
+    def rhythm(self, condition: Condition) -> str | None:
+        """The kind of a condition's words where that is a rhythm, which is not the model's; else None."""
+        if condition.wordless or condition.text is None or condition.velocity is not None:
+            return None
+        kind = self.prompt(condition.text).kind
+        return kind if kind in self._rhythms else None
 
     def held(self, condition: Condition) -> Condition:
         """A condition of `meant` whose pose is reached, as it is held; any other motion as it is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
 from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.request import Requests
+from flexmotion.sampling.rhythm import Rhythm, rhythms
 from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text.prompt_reader import Prompt
 
@@ -107,6 +109,19 @@ class Sampler:
     def free(self) -> Constraints:
         """Constraints of a window that ask for nothing."""
         return Constraints.none(self.layout, self.body, self.future)
+
+    @cached_property
+    def _rhythms(self) -> Mapping[str, Rhythm]:
+        return rhythms(self.body, self._rest)
+
+    def rhythm(self, condition: Condition) -> Rhythm | None:
+        """The gesture that a condition's words mean, where arms and head make it over a human that stands; else None.
+
+        Args:
+            condition: before it is `meant`.
+        """
+        kind = self.requests.rhythm(condition)
+        return None if kind is None else self._rhythms[kind]
 
     @property
     def name(self) -> str:
@@ -191,7 +206,7 @@ class Sampler:
             rest=self._rest if free and self.requests.stands(meant) else None,
             on_the_spot=not self.requests.travels(meant),
             asked=asked,
-            pose=condition.pose,
+            pose=condition.pose or self.rhythm(condition),
             cutoff=HELD_CUTOFF if condition.held and free else CUTOFF,
             source=self._source,
         )

@@ -45,7 +45,8 @@ FORBIDS = re.compile(
 
 FORBIDS_NOTHING = re.compile(
     r"""\b(?:in\ )?no\ (?:hurry|rush)(?=\s*(?:[,.;!?]|$)) | \bnon-?stop\b | \bwithout\ (?:a|any)\ (?:hurry|rush)\b
-    | \b(?:say|says|saying|signal|signals|answer|mean)\ no\b | \bheads?\ no\b | \bno\ with\ (?:your|the|his|her)\ head\b
+    | \b(?:say|says|saying|signal|signals|answer|mean|means)\ no\b | \btells?\ (?:\w+\ )?no(?=\s*(?:[,.;!?]|$))
+    | \bheads?\ no\b | \bno\ with\ (?:your|the|his|her|a)\ head\b | \bfor\ no(?=\s*(?:[,.;!?]|$))
     | \b(?:signal|show|give|make|gesture|say)s?\ (?:a\ )?(?:stop|halt)\b | \b(?:stop|halt)\ (?:sign|signal)\b
     | \b(?:signal|tell|gesture|motion)s?\ (?:for\ )?(?:\w+\ ){1,3}to\ (?:stop|halt)\b
     | \bthat\ you\ (?:do\ not|don't)\ (?:know|care)\b | \bthat\ you\ have\ no\ idea\b""",

@@ -244,7 +244,7 @@ def gestures(
       flexmotion data build recordings gestures -o set
     """
     from flexmotion.dataset.gestures.make import make_gestures
-    from flexmotion.dataset.gestures.recipes import recipes
+    from flexmotion.gestures.recipes import recipes
 
     known = {gesture.kind: gesture for gesture in recipes()}
     unknown = [name for name in kind or () if name not in known]

@@ -483,7 +483,8 @@ class Hearing:
         told = HeardStep(
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
         )
-        step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told)
+        rhythm = self.model.rhythm(condition)
+        step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told, rhythm=rhythm)
         # What is said in figures counts: "slowly at 0.3 m/s".
         if clause.rate is None and clause.speed != 1.0 and (turn or step.axis != (0, 0)):
             changed = self.speeds.changed(step, clause.speed)
@@ -496,7 +497,7 @@ class Hearing:
         if amount is None and (in_sequence or clause.counted):
             amount = usual_amount(step, times)
             if clause.counted and amount.quantity == "times":
-                amount = replace(amount, said=f"{times} times")
+                amount = replace(amount, value=float(times), said=f"{times} times")
             times = 1 if amount.quantity != "times" else times
         if clause.rate is not None:
             spot = amount is not None and amount.quantity == "angle"

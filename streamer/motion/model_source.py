@@ -354,7 +354,12 @@ class ModelSource:
     def _in_pose(self, frame: int, asked: Condition) -> Condition:
         """The condition of a window that begins at a frame, in the pose that its words have reached, if one is kept."""
         begun, pose = self._begun(frame), self._pose
-        if begun is None or pose is None or begun[0] != pose[0]:
+        if begun is None:
+            return asked
+        rhythm = self.sampler.rhythm(self.condition(begun[1]))
+        if rhythm is not None:
+            return replace(asked, pose=rhythm.later(frame - begun[0]))
+        if pose is None or begun[0] != pose[0]:
             return asked
         return replace(asked, pose=pose[1].later(frame - begun[0]))
 

@@ -8,6 +8,7 @@ from math import pi
 import numpy as np
 
 from flexmotion.sampling.request import is_still
+from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Goal, Intent, Text, Velocity
 from flexmotion.text.amounts import Amount
@@ -46,6 +47,7 @@ class Step:
         limit_s: the step ends after this time at the latest [s].
         told: for the answer.
         goal: heading or place in the odometry, at which the step ends; None: none.
+        rhythm: its repeated strokes, by which its repetitions are counted; None: they are seen at the robot.
     """
 
     intent: Intent
@@ -56,6 +58,7 @@ class Step:
     limit_s: float | None
     told: HeardStep
     goal: Goal | None = None
+    rhythm: Rhythm | None = None
 
     @property
     def stands(self) -> bool:
@@ -125,7 +128,7 @@ def usual_amount(step: Step, times: int) -> Amount:
         return Amount(WALK_S * times, "time", NOT_SAID)
     if step.kind == STAND:
         return Amount(STAND_S * times, "time", NOT_SAID)
-    return Amount(float(times), "times", NOT_SAID)
+    return Amount(float(times * (1 if step.rhythm is None else step.rhythm.usual)), "times", NOT_SAID)
 
 
 def limit_s(step: Step, amount: Amount) -> float:
@@ -138,6 +141,8 @@ def limit_s(step: Step, amount: Amount) -> float:
             return 10.0 + value * (60.0 if step.axis[1] else 20.0)
         case "steps":
             return 8.0 + 2.0 * value
+        case "times" if step.rhythm is not None:
+            return 4.0 + step.rhythm.seconds(int(value))
         case "times":
             return 4.0 + (GESTURE_S + 4.0) * value
     return value + 2.0

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.request import is_still
+from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.intents import FASTEST, Text, Velocity
 from flexmotion.streamer.motion.programs import Step
@@ -37,6 +38,10 @@ class Model(Protocol):
 
     def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
         """Velocity at which a meant condition is done; None where its words are of an unknown speed."""
+        ...
+
+    def rhythm(self, condition: Condition) -> Rhythm | None:
+        """The gesture of repeated strokes that a condition's words mean; None: they mean no such one."""
         ...
 
 

@@ -26,6 +26,8 @@ def done_of(at: StepProgress, step: Step, elapsed_s: float) -> float:
             return at.ahead * step.axis[0] + at.aside * step.axis[1]
         case "steps":
             return float(at.steps(step))
+        case "times" if step.rhythm is not None:
+            return float(step.rhythm.times(elapsed_s))
         case "times":
             return float(at.repetitions.done)
     return elapsed_s

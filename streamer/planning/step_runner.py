@@ -404,6 +404,9 @@ class StepRunner:
             self._navigate(row, value)
         elif quantity == "time":
             self._advance_time(at, step, row, elapsed_s)
+        elif step.rhythm is not None:
+            if value >= amount:
+                self._next(row, "done", value)
         elif quantity == "times":
             self._advance_gesture(at, step, row)
         elif self._phase is _Phase.ACT:

@@ -85,6 +85,9 @@ class StubSampler:
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
 
+    def rhythm(self, condition: Condition) -> None:
+        return None
+
     def travels(self, condition: Condition) -> bool:
         return condition.text not in GESTURES
 

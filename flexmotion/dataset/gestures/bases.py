@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
-from flexmotion.dataset.gestures.arm import arm_angles
-from flexmotion.dataset.gestures.recipes import ArmPose, Ground
+from flexmotion.gestures.arm import arm_angles
+from flexmotion.gestures.recipes import ArmPose, Ground
 from flexmotion.human.angles import three_angles
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import HumanKinematics, forward

@@ -17,8 +17,8 @@ from flexmotion.dataset.clips import find_clips
 from flexmotion.dataset.gestures.bases import Base, draw_base, extended, find_bases
 from flexmotion.dataset.gestures.clearance import clearance
 from flexmotion.dataset.gestures.overlay import overlaid
-from flexmotion.dataset.gestures.plan import Plan, draw_plan
-from flexmotion.dataset.gestures.recipes import Gesture, Ground
+from flexmotion.gestures.plan import Plan, draw_plan
+from flexmotion.gestures.recipes import Gesture, Ground
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import save_motion

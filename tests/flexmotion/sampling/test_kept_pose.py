@@ -41,7 +41,7 @@ def test_arms_that_leave_the_pose_are_led_back_and_nothing_else_moves(make_stand
     window = bending(make_standing(32, knee_flexion_l=0.3), angles)
     pose = KeptPose.reached(window)
     assert pose is not None
-    kept = pose.kept(window)
+    kept = pose.kept(window, window)
     assert kept.joints[: pose.frame + 1] == pytest.approx(window.joints[: pose.frame + 1])
     assert kept.joints[pose.frame :, ELBOW].min() > 1.6 > window.joints[-1, ELBOW]
     others = [column for column in range(len(JOINTS)) if column not in ARMS]
@@ -54,4 +54,4 @@ def test_later_windows_are_kept_from_their_first_frame_on(make_standing: Callabl
     pose = KeptPose(make_standing(1, elbow_flexion_r=1.8).joints[0], 10).later(32)
     assert pose.frame == -22
     window = bending(make_standing(32), 1.8 - 1.6 * np.linspace(0.0, 1.0, 32) ** 2)
-    assert pose.kept(window).joints[:, ELBOW].min() > 1.6
+    assert pose.kept(window, window).joints[:, ELBOW].min() > 1.6

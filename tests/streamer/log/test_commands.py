@@ -84,7 +84,7 @@ def test_the_log_of_a_run_that_may_refuse_is_judged_like_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The log did not hold `--allow-refused`: the same run passed, and its log did not."""
-    arguments = ["dry-run", "--prompt", "clap", "--seconds", "0.4", "--report", str(tmp_path), "--json"]
+    arguments = ["dry-run", "--prompt", "throw a punch", "--seconds", "0.4", "--report", str(tmp_path), "--json"]
     assert execute([*arguments, "--allow-refused"]) == 0
     report = json.loads(capsys.readouterr().out)
     log = read_log(Path(report["log"]))

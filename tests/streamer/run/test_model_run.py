@@ -296,14 +296,14 @@ def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A dry run whose prompt was refused printed PASS, and its JSON did not say what was heard."""
-    asked = ["--prompt", "clap your hands", "--bundle", str(bundle), "--seconds", "0.5"]
+    asked = ["--prompt", "throw a punch", "--bundle", str(bundle), "--seconds", "0.5"]
     assert dry_run(*asked, "--json", "--report", str(tmp_path)) == 1
     (answer,) = json.loads(capsys.readouterr().out)["targets"]
-    assert (answer["asked"], answer["state"], answer["heard_as"]) == ("clap your hands", "refused", None)
-    assert "this model cannot clap yet" in answer["reason"]
+    assert (answer["asked"], answer["state"], answer["heard_as"]) == ("throw a punch", "refused", None)
+    assert "this model cannot punch yet" in answer["reason"]
     assert dry_run(*asked) == 1
     told = capsys.readouterr().out.replace("\n", " ")
-    assert "FAIL" in told and "refused: 'clap your hands'" in told
+    assert "FAIL" in told and "refused: 'throw a punch'" in told
     assert dry_run(*asked, "--allow-refused", "--json") == 0
     assert json.loads(capsys.readouterr().out)["options"]["allow_refused"] is True
     # The log holds the answer too.
@@ -337,7 +337,7 @@ def test_a_session_answers_each_target(bundle: Path) -> None:
         run.advance(5.0)
         first = run.send(Text("two steps back"))
         run.advance(0.5)
-        second = run.send(Text("clap your hands"))
+        second = run.send(Text("throw a punch"))
         run.advance(0.5)
         answers = {heard.id: heard for heard in run.heard}
         run.finish()

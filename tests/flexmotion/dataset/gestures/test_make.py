@@ -14,10 +14,10 @@ from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import find_clips
 from flexmotion.dataset.gestures.bases import Base
 from flexmotion.dataset.gestures.make import CAPTIONS, INDEX, make_gestures, motions_of
-from flexmotion.dataset.gestures.recipes import recipes
 from flexmotion.dataset.meaning import shown
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.gestures.recipes import recipes
 from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.streamer.cli import app
 

@@ -15,8 +15,8 @@ from flexmotion.dataset.gestures.bases import Base
 from flexmotion.dataset.gestures.clearance import clearance
 from flexmotion.dataset.gestures.make import CLEAR, TOUCH, gesture_over
 from flexmotion.dataset.gestures.overlay import overlaid
-from flexmotion.dataset.gestures.plan import Plan, draw_plan
-from flexmotion.dataset.gestures.recipes import Gesture, recipes
+from flexmotion.gestures.plan import Plan, draw_plan
+from flexmotion.gestures.recipes import Gesture, recipes
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion

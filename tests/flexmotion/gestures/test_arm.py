@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.dataset.gestures.arm import PRONATION, arm_angles, hand_in_torso, landmark
-from flexmotion.dataset.gestures.recipes import ArmPose
+from flexmotion.gestures.arm import PRONATION, arm_angles, hand_in_torso, landmark
+from flexmotion.gestures.recipes import ArmPose
 from flexmotion.human.angles import three_angles
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEFT, RIGHT, SIDES
 from flexmotion.human.vectors import unit
 
-from ....standing_human import standing
+from ...standing_human import standing
 
 
 def posed(pose: ArmPose, side: int, body: Body) -> HumanKinematics:

@@ -6,7 +6,7 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import parse
-from flexmotion.dataset.gestures.recipes import Recipes, recipes
+from flexmotion.gestures.recipes import Recipes, recipes
 from flexmotion.text.phrases import wordings
 from flexmotion.text.sides import mirrored, sides
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.dataset.gestures.recipes import ArmPose, Landmark
+from flexmotion.gestures.recipes import ArmPose, Landmark
 from flexmotion.human.body import Body
 from flexmotion.human.skeleton import LEFT
 from flexmotion.human.vectors import unit

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.get_up import MINIMUM_JERK_PEAK
-from flexmotion.dataset.gestures.arm import ArmAngles, arm_angles, hand_in_torso
-from flexmotion.dataset.gestures.recipes import ArmPose, Gesture, HeadPose, Pose, Span, TrunkPose
-from flexmotion.dataset.gestures.tracks import Stroke
+from flexmotion.gestures.arm import ArmAngles, arm_angles, hand_in_torso
+from flexmotion.gestures.recipes import ArmPose, Gesture, HeadPose, Pose, Span, TrunkPose
+from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.skeleton import LEFT, RIGHT
 from flexmotion.spatial.transitions import minimum_jerk

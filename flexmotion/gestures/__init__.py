@@ -1,0 +1,1 @@
+"""Gestures as key poses: their recipes, what is drawn of one, and its strokes over time."""

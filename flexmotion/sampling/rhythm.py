@@ -1,0 +1,146 @@
+"""`Rhythm`: gestures of strokes that are repeated (nods, claps), over the human that a model samples.
+
+A window of the model is one latent, and latents keep too little of such strokes: of nods 40 % of the angle, of claps
+63 % of the way (docs/decisions.md). The model stands; the recipe from which its training clips of the gesture were made
+moves head and arms. Forces are those of the motion that results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.gestures.moved import moved, moving
+from flexmotion.gestures.plan import Plan, draw_plan
+from flexmotion.gestures.recipes import Gesture, recipes
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import LEFT, RIGHT
+from flexmotion.text.sides import mirrored
+
+Float = NDArray[np.float64]
+
+TURNS = 4
+"""Repetitions after which the strokes are the same again: their durations differ a little, as people's do."""
+
+SEED = 0
+"""Of what a recipe leaves open: amplitudes and speeds within its spans."""
+
+JOINING_S = 0.2
+"""Time constant with which joints that were elsewhere come to the gesture [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rhythm:
+    """One gesture without an end.
+
+    Attributes:
+        plan: strokes of `TURNS` repetitions and of the first pose after them.
+        rest: joint angles that it begins from, (26,) [rad].
+        size: poses of one repetition.
+        usual: repetitions of it where a sequence does not say how many.
+        frame: how many frames ago it began.
+    """
+
+    plan: Plan
+    rest: Float
+    size: int
+    usual: int
+    frame: int = 0
+
+    @classmethod
+    def of(cls, gesture: Gesture, side: int, body: Body, rest: Float) -> Rhythm:
+        """The gesture of a recipe that `is_rhythm`.
+
+        Args:
+            gesture: the recipe.
+            side: of the gesture, `LEFT` or `RIGHT`.
+            body: of the human.
+            rest: see `Rhythm`.
+        """
+        (step,) = gesture.steps
+        again = step.model_copy(update={"count": (TURNS + 1, TURNS + 1)})
+        plan = draw_plan(gesture.model_copy(update={"steps": (again,)}), body, side, np.random.default_rng(SEED))
+        # Arms and head are to be the same again at the same time.
+        return cls(replace(plan, lead=0.0), rest, len(step.names), sum(step.count) // 2)
+
+    def later(self, frames: int) -> Rhythm:
+        """The gesture so many frames later."""
+        return replace(self, frame=self.frame + frames)
+
+    def seconds(self, times: int) -> float:
+        """Time from its begin until it is done so often, once or more [s]."""
+        turns, last = divmod(times - 1, TURNS)
+        ends = self._reached((last + 1) * self.size - 1) - self.plan.strokes[0].start
+        return turns * self._period + ends
+
+    def times(self, seconds: float) -> int:
+        """How often it is done after a time [s]."""
+        found = 0
+        while self.seconds(found + 1) <= seconds:
+            found += 1
+        return found
+
+    def kept(self, window: Motion, before: Motion) -> Motion:
+        """A window with the gesture, over what its other joints do; angles and speeds go on from those before.
+
+        Args:
+            window: as sampled, standing.
+            before: the motion up to the window, at least one frame.
+        """
+        columns, fps = moving(self.plan), window.fps
+        path = self._angles(np.arange(self.frame - 1, self.frame + len(window) + 1) / fps)[:, columns]
+        known = before.joints[max(0, len(before) - 2) :, columns]
+        away = known - path[2 - len(known) : 2]
+        rate, turns = (away[-1] - away[0]) * fps, 2 * np.pi * np.round(away[-1] / (2 * np.pi))
+        away = away[-1] - turns
+        passed = np.arange(1, len(window) + 1)[:, None] / fps
+        joints = window.joints.copy()
+        joining = (away + (rate + away / JOINING_S) * passed) * np.exp(-passed / JOINING_S)
+        joints[:, columns] = path[2:] + turns + joining  # angles go on where they are, however often an arm has turned
+        return replace(window, joints=joints)
+
+    def _angles(self, since: Float) -> Float:
+        """Joint angles at times since the begin, (T,) [s] -> (T, 26) [rad]."""
+        first = self._reached(0)
+        times = self.plan.strokes[0].start + since
+        times = np.where(times < first, times, first + np.mod(times - first, self._period))
+        return moved(np.tile(self.rest, (len(times), 1)), times, self.plan)
+
+    @property
+    def _period(self) -> float:
+        """Time after which the strokes are the same again [s]."""
+        return self._reached(TURNS * self.size) - self._reached(0)
+
+    def _reached(self, stroke: int) -> float:
+        """When a stroke ends, in the time of the plan [s]."""
+        return self.plan.strokes[stroke].end
+
+
+def is_rhythm(gesture: Gesture) -> bool:
+    """Whether a gesture of arms and head is one repetition after the other, without a hold."""
+    repeats = len(gesture.steps) == 1 and len(gesture.steps[0].repeat) > 1
+    return repeats and all(pose.down is None for pose in gesture.poses.values())
+
+
+def rhythm_kinds() -> frozenset[str]:
+    """Kinds of every rhythm, those to the left included."""
+    kinds = [gesture.kind for gesture in recipes() if is_rhythm(gesture)]
+    return frozenset((*kinds, *map(mirrored, kinds)))
+
+
+def rhythms(body: Body, rest: Float) -> Mapping[str, Rhythm]:
+    """Every rhythm by its kind, those to the left included.
+
+    Args:
+        body: of the human.
+        rest: joint angles of a human that stands, (26,) [rad].
+    """
+    found: dict[str, Rhythm] = {}
+    for gesture in filter(is_rhythm, recipes()):
+        for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT)):
+            found[kind] = Rhythm.of(gesture, side, body, rest)
+    return found
