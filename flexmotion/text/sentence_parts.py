@@ -300,9 +300,11 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     if not rest or (before and not _names_request(own, 0) and not _has_verb(own)):
         return False  # "oh, run along", "left hand, wave", "backward, march": the words before do not ask for anything
     first = rest[0]
+    things: dict[str, str] = known.table["things"]
     if isinstance(first, Amount):
-        # "two steps forward and one step back"; not "wave for ten seconds, twice".
-        return first.quantity != "times" and any(isinstance(token, Amount) for token in before)
+        # "two steps forward and one step back", "two waves and three bows"; not "wave for ten seconds, twice".
+        counted = bool(rest[1:2]) and rest[1] in things
+        return counted or (first.quantity != "times" and any(isinstance(token, Amount) for token in before))
     if not isinstance(first, str):
         return False
     if NEGATES.match(first):
@@ -318,8 +320,7 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
         there = any(token in known.words("onward") for token in before) if first in back else opposite
         ways = opposite and there and first not in ("left", "right", "sideways")
         return ways or any(isinstance(token, Amount) for token in [*rest[1:3], *before])
-    things = [thing.split()[-1] for thing in known.table["things"].values()]
-    if first in ("a", "another") and rest[1:2] and rest[1] in things:
+    if first in ("a", "one", "another") and rest[1:2] and rest[1] in [thing.split()[-1] for thing in things.values()]:
         return True
     started = tokens[place] in ("start", "begin") and stem(first) in known.verbs  # "bow and start walking"
     return started or first in known.verbs  # "…, facing me" belongs to what is before it
