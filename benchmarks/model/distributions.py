@@ -4,10 +4,11 @@ Of every kind with enough recorded clips in the normal manner, those clips are p
 Wasserstein distance between the halves is what people differ by; then the model takes the place of one half: each of
 its clips is sampled anew from its first frames, for as long. A clip of a pose begins and ends with hanging arms, but a
 pose that is asked for is held until something else is asked. Clips and samples of poses are compared from the first to
-the last frame in the pose. Left clips are mirrored to the right. Fails where a figure of a kind is further from the
-recorded half than `LIMIT` times the halves from each other, or where samples of a kind skate 1.2 times as much as its
-clips (of those that skate in 5 % of the frames or more) or jerk 1.5 times as much. With `--plots` film strips and the
-distributions of each kind are drawn.
+the last frame in the pose, clips of repeated strokes from their first stroke to their last. Left clips are mirrored to
+the right. Fails where a figure of a kind is further from the recorded half than `LIMIT` times the halves from each
+other, or where samples of a kind skate 1.2 times as much as its clips (of those that skate in 5 % of the frames or
+more) or jerk 1.5 times as much. With `--plots` film strips and the distributions of each kind are
+drawn.
 """
 
 from __future__ import annotations
@@ -37,8 +38,10 @@ from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.bundles.repertoire import offered_kinds
 from flexmotion.dataset.compact_set import MotionSet, open_set
+from flexmotion.dataset.meaning import shown
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.rhythm import rhythm_kinds
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -104,6 +107,13 @@ def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
             kind, own = kind_of(clip), on_body(motion, sampler.body)[:most]
             if sides(kind) == {"left"}:
                 kind, own = mirrored(kind), mirror(own)
+            if kind in rhythm_kinds() and (part := shown(clip.info["labels"])) is not None:
+                # People stop; who was asked to clap goes on. Compared is what follows the last frames before it.
+                first, last = (
+                    round(part.start * sampler.fps) - sampler.remembers,
+                    round((part.left or part.end) * sampler.fps),
+                )
+                own = own[max(first, 0) : max(last, 0)]
             if len(own) >= sampler.remembers + SHORTEST_S * sampler.fps:
                 clips[kind].append(own)
     return clips

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import ARMS, led_to
+from flexmotion.sampling.settling import KNOWN, settled
 
 Float = NDArray[np.float64]
 
@@ -20,7 +21,11 @@ ARRIVED = 4
 """Arms that are farthest in one of the last frames of what is known are still on their way to the pose."""
 
 KEEPING_S = 0.1
-"""Time constant with which arms that leave the pose are led back [s]: they leave it from rest, by centimetres."""
+"""Time constant with which arms that leave the pose in the window that reaches it are led back [s]: they leave it from
+rest, by centimetres."""
+
+SETTLING_S = 0.3
+"""Likewise of windows after it, which begin where the one before ended [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,5 +56,14 @@ class KeptPose:
         return replace(self, frame=self.frame - frames)
 
     def kept(self, window: Motion, before: Motion) -> Motion:
-        """A window, with its arms led to the pose after its frame; the motion before it does not count."""
-        return led_to(window, self.joints, ARMS, KEEPING_S, max(self.frame + 1, 0))
+        """A window, with its arms led to the pose after its frame, or where that is before it, at rest in the pose.
+
+        Args:
+            window: as sampled.
+            before: the motion before it, at least one frame.
+        """
+        if self.frame >= 0:
+            return led_to(window, self.joints, ARMS, KEEPING_S, self.frame + 1)
+        joints, known = window.joints.copy(), before.joints[max(0, len(before) - KNOWN) :, ARMS]
+        joints[:, ARMS] = settled(known, self.joints[ARMS], len(window), window.fps, SETTLING_S)
+        return replace(window, joints=joints)

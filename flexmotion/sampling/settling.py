@@ -1,0 +1,41 @@
+"""`settled`: signals that come to rest from where they are, as smoothly as people do.
+
+A sampled window is a little off the one before it, by millimetres and tenths of degrees. Led back within a quarter of a
+second (`features/inertialise.py`), that is a start at every join: hands of held poses jerked by 6 m/s³ there, those of
+people by .3. A body that rests has time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+KNOWN = 3
+"""Frames of which place, speed and acceleration are taken."""
+
+
+def settled(before: Float, place: Float, frames: int, fps: float, seconds: float) -> Float:
+    """Signals that go from where they are to a place; place, speed and acceleration are continuous, (T, n).
+
+    What they are off at the join, x, v and a, decays by a critically damped filter of third order:
+
+        (x + (v + y x) t + (a + 2 y v + y² x) t² / 2) exp(-y t),    y = 1 / seconds
+
+    Args:
+        before: the signals before, at least one frame, (K, n).
+        place: where they are to rest, (n,).
+        frames: T.
+        fps: frames per second.
+        seconds: time constant.
+    """
+    last = np.concatenate([np.repeat(before[:1], max(KNOWN - len(before), 0), axis=0), before[-KNOWN:]])
+    rate, time = 1.0 / (seconds * fps), np.arange(1, frames + 1)[:, None]
+    bend = last[2] - 2 * last[1] + last[0]
+    # Differences backwards are those half a frame, and a frame, before the last one.
+    off, speed = last[2] - place, last[2] - last[1] + 0.5 * bend
+    found: Float = place + (
+        off + (speed + rate * off) * time + 0.5 * (bend + 2 * rate * speed + rate**2 * off) * time**2
+    ) * np.exp(-rate * time)
+    return found
