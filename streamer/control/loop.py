@@ -141,8 +141,7 @@ class ControlLoop:
     @property
     def must_stop(self) -> bool:
         """Whether only a plan that stops is accepted."""
-        ladder = self.ladder
-        return self.winding_down or ladder.stopping or ladder.fault is not None or self.joints.reason is not None
+        return self.winding_down or self.ladder.stopping or self.joints.reason is not None
 
     def touch(self) -> None:
         """Read the shared memory that ticks need, so that no tick meets a page fault in it."""

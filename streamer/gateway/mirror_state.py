@@ -18,8 +18,8 @@ GOES_ON = 'mirroring goes on with the text "mirror": flexmotion send mirror'
 
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 _BEFORE = (State.OFF, State.GET_UP)
-"""Nothing ends in them, as of the planner's record of targets: a robot that is armed for the first time mirrors by
-itself."""
+"""Nothing but a stop ends in them, as of the planner's record of targets: a robot that is armed for the first time
+mirrors by itself."""
 
 
 class MirrorState:
@@ -39,8 +39,8 @@ class MirrorState:
 
     def update(self, row: TickRow | None) -> None:
         """Take the newest row of the loop, and the poses that have come."""
-        if row is not None and (state := State(int(row.state))) not in _BEFORE:
-            self.waits |= bool(row.must_stop) or state not in _FOLLOWS
+        if row is not None:
+            self.waits |= bool(row.must_stop) or State(int(row.state)) not in (*_FOLLOWS, *_BEFORE)
         for pose in self._poses.read():
             self._seen_s = float(PersonRow(pose).arrived_s)
 

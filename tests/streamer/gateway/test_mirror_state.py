@@ -97,11 +97,18 @@ def test_who_clears_a_fault_and_arms_is_told_too(mirroring: Mirroring) -> None:
 
 
 def test_a_robot_that_is_armed_for_the_first_time_mirrors_by_itself(mirroring: Mirroring) -> None:
-    mirroring.goes(State.OFF, stopped=True)  # a stop before it has begun ends nothing
     mirroring.goes(State.OFF)
     answer = mirroring.ask("arm", Request.ARM, State.READY)
     assert answer.state == "accepted" and answer.notes is None and mirroring.notes == []
     assert mirroring.told == "nobody"
+
+
+def test_one_that_was_stopped_before_it_was_armed_waits_until_it_is_told(mirroring: Mirroring) -> None:
+    """A stop without torque ended nothing: the robot was armed, and mirrored whoever stood there."""
+    mirroring.goes(State.OFF, stopped=True)
+    mirroring.goes(State.OFF)
+    assert mirroring.ask("arm", Request.ARM, State.READY).notes == (GOES_ON,)
+    assert mirroring.told == "waits"
 
 
 def test_a_run_that_mirrors_nobody_says_nothing_of_it(make_office: Make) -> None:
