@@ -67,9 +67,8 @@ _ENDS: dict[Over | None, TargetEnd] = {"expired": "expired", "stopped": "stopped
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
-_WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
-_AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
-"""An emergency depends on no order of arrival, and not on two clocks that agree."""
+_EMERGENCIES = (StopMessage, EmergencyStopMessage, KillMessage)
+"""They need no lease, depend on no order of arrival, and not on two clocks that agree."""
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _STANDS_AFTER = {"clip", "stop"}
@@ -197,11 +196,11 @@ class Desk:
         if late is not None:
             self.reject("stale")
             self._reply(asked, *late)
-        elif type(message) in _WITHOUT_LEASE:
+        elif type(message) in _EMERGENCIES:
             self._request(asked)
-        elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender, now):
+        elif not self._sequences.ascends(message, sender, now):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
-        elif not self.takes_targets and (gets_up(message) or not isinstance(message, KillMessage | ClearMessage)):
+        elif not self.takes_targets and (gets_up(message) or not isinstance(message, ClearMessage)):
             self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
         elif isinstance(message, ReleaseMessage):
             held = self.lease.release(message.source)
@@ -226,7 +225,7 @@ class Desk:
 
     def _late(self, message: Message) -> tuple[AnswerState, str] | None:
         """Why a message's stamp makes it invalid."""
-        if message.stamp_s is None or type(message) in _AT_ANY_TIME:
+        if message.stamp_s is None or type(message) in _EMERGENCIES:
             return None
         age_s = time.time() - message.stamp_s
         if age_s < -_AHEAD_S:
