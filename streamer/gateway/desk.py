@@ -43,11 +43,12 @@ from flexmotion.streamer.gateway.messages import (
     decode,
     intent_of,
 )
-from flexmotion.streamer.gateway.mirror_state import GOES_ON, MirrorState
+from flexmotion.streamer.gateway.mirror_state import MirrorState
 from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, Over, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
+from flexmotion.streamer.motion.mirror_source import GOES_ON
 from flexmotion.streamer.motion.part_intents import PLACE_OF, RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
@@ -334,7 +335,7 @@ class Desk:
             return
         if told.state in FOLLOWED and asked.intent is not None:
             if self.mirror is not None:
-                self.mirror.goes_on()  # a run that mirrors follows no other target
+                self.mirror.follows(rests=heard.heard_as == STAND)
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
             holds_s = asked.holds_s if heard.left_s is None else min(asked.holds_s, heard.left_s)

@@ -10,9 +10,9 @@ import pytest
 
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.gateway.mirror_state import GOES_ON, MirrorState
+from flexmotion.streamer.gateway.mirror_state import MirrorState
 from flexmotion.streamer.gateway.status import status_of
-from flexmotion.streamer.motion.mirror_source import SILENT_S
+from flexmotion.streamer.motion.mirror_source import GOES_ON, SILENT_S
 from flexmotion.streamer.motion.person_channel import PersonChannel, PersonPose
 from flexmotion.streamer.run.requests import Request
 
@@ -87,6 +87,17 @@ def test_who_clears_a_stop_is_told_how_mirroring_goes_on(mirroring: Mirroring) -
     mirroring.goes(State.STREAMING)
     mirroring.show()
     assert mirroring.told == "a person"
+
+
+def test_a_robot_that_was_told_to_stand_waits_until_it_is_told_to_mirror(mirroring: Mirroring) -> None:
+    """The status went on with "a person": a hold counted as a target that asks to mirror."""
+    mirroring.goes(State.STREAMING)
+    for kind, heard, told in (("hold", "stand", "waits"), ('text","text":"mirror', "mirror", "a person")):
+        mirroring.office.ask(f'{{"type":"{kind}"}}')
+        mirroring.office.run.answer(mirroring.office.run.arrived()[-1].id, heard=heard)
+        mirroring.goes(State.STREAMING)
+        mirroring.show()
+        assert mirroring.told == told
 
 
 def test_who_clears_a_fault_and_arms_is_told_too(mirroring: Mirroring) -> None:
