@@ -299,7 +299,7 @@ class ControlLoop:
             if self.inputs.start:  # one operator's arm beside another's: neither check would cover both
                 self.inputs.start = False
                 self._emit("refused", "ARM: the robot is asked to get up")
-            reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro)
+            reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro, self.state.accel)
             if reason is not None:
                 self.inputs.get_up = False
                 self._emit("refused", f"{GET_UP}: {reason}")
