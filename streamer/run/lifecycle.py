@@ -173,7 +173,7 @@ class Lifecycle:
         elif ladder.state is not State.OFF:
             self._emit("refused", f"ARM: torque is on, the robot is in {ladder.state.name}")
         elif ladder.stopped:
-            self._emit("refused", "ARM: a stop is in force, from before the torque went on; clear it first")
+            self._emit("refused", "ARM: a stop is in force; clear it first")
         else:
             self._start()
             self.loop.inputs.start = True
