@@ -37,6 +37,8 @@ the state of a walking robot diverged."""
 
 _ON_ITS_SIDE = 0.5
 """Sine of the torso's lean from which on the robot lies on its side."""
+_PARKED = 0.25
+"""Share of the way from the rest pose to the stand pose up to which the joints count as parked."""
 
 log = logging.getLogger(__name__)
 
@@ -270,17 +272,28 @@ class SimDriver(LockstepDriver):
     def _lie(self, seconds: float, picked_up_s: float) -> None:
         """Count the time without torque, then set the robot up; `_off_s` is infinite before torque, and after that.
 
-        A robot that lay when its torque went off stays where it lies, on a side from which it can get up.
+        A robot that lay when its torque went off, or fell since it was not parked then, stays where it lies, on a side
+        from which it can get up. One that tips over as it rests is set up.
         """
         if self.plant.enabled.any():
-            self._off_s, self._fell = 0.0, self.torso_up < math.cos(self.robot.safety.fall_tilt)
-        elif self._fell and self._gets_up:
+            self._off_s, self._fell = 0.0, self._lies or not self._is_parked
+        elif self._fell and self._lies and self._gets_up:
             return
         elif np.isfinite(self._off_s):
             self._off_s += seconds
             if self._off_s > picked_up_s:
                 self._off_s = np.inf
                 self.place()
+
+    @property
+    def _lies(self) -> bool:
+        return self.torso_up < math.cos(self.robot.safety.fall_tilt)
+
+    @property
+    def _is_parked(self) -> bool:
+        """Whether the joints are near the rest pose, by those that differ in the stand pose: limp arms hardly count."""
+        way = self.robot.stand_pose - self.robot.rest_pose
+        return bool((self.position - self.robot.rest_pose) @ way <= _PARKED * (way @ way))
 
     @property
     def _gets_up(self) -> bool:

@@ -60,7 +60,8 @@ class SimOptions(Strict):
         held: the torso is held until torque is first switched on; otherwise the robot collapses.
         picked_up_s: this long after all torque has gone off, the robot is back in its start pose where it began, its
             torso held until torque goes on, as if somebody had set it up [s]; None: it stays where it sank down. One
-            that has fallen onto a side from which it can get up stays there all the same.
+            that has fallen, also since its torque was cut, onto a side from which it can get up stays there all the
+            same.
         command_delay_s: time from `write` to the servos acting, as the driver reports it [s]; None: `BUS_S` plus the
             servos' own delay.
         read_delay_s: age of what `read` returns [s]; assumption, as above.

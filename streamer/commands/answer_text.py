@@ -115,7 +115,7 @@ def _lies(side: str | None) -> str | None:
 
 
 def _stopped(found: Mapping[str, Any]) -> bool:
-    return bool(found["must_stop"]) and not found["limp"] and found["state"] in ("READY", "STREAMING", "HOLD")
+    return bool(found["must_stop"]) and not found["limp"] and found["state"] in ("OFF", "READY", "STREAMING", "HOLD")
 
 
 def _follows(following: Mapping[str, Any] | None, state: str | None) -> str:

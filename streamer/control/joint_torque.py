@@ -169,6 +169,9 @@ class JointTorque:
             return f"restarting: {', '.join(again)}" if again else None
         if not offers.joint_torque:
             return f"driver {self.driver.name!r} does not switch the torque of single joints"
+        carrying = [robot.joint_names[joint] for joint in indices if self.carries[joint]] if what == LIMP else []
+        if carrying:  # in every state: no other advice would help
+            return f"{', '.join(carrying)}: carries the robot, and never goes limp by itself; disarm it"
         if state in (State.OFF, State.FAULT):
             return f"in {state.name} no joint has torque; arm the robot"
         if self.ladder.fault is not None:
@@ -176,8 +179,7 @@ class JointTorque:
         if not stands:
             return f"in {state.name} the robot moves: let it come to a stand first (hold)"
         if what == LIMP:
-            carrying = [robot.joint_names[joint] for joint in indices if self.carries[joint]]
-            return f"{', '.join(carrying)}: carries the robot; disarm it" if carrying else None
+            return None
         return next((why for joint in indices if (why := self._unfit(joint, measured)) is not None), None)
 
     def _unfit(self, joint: int, measured: RobotState) -> str | None:

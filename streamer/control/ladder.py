@@ -5,7 +5,7 @@ OFF ──start──► READY ──plan──► STREAMING ◄──plan──
                                    └──plan over, stop──► ▲
 any state with torque: e-stop, lost bus ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill ► FAULT
 READY, STREAMING, HOLD: a blocked joint ► HOLD (frozen) ► PARK ► FAULT
-FAULT ──clear──► OFF
+OFF: e-stop, kill ► FAULT      stop: no start until a clear      FAULT ──clear──► OFF
 OFF, FAULT ──get up──► GET_UP ──upright──► READY          GET_UP ──failed, any stop, any fault──► DAMPED ► FAULT
 ```
 
@@ -15,6 +15,7 @@ that do not answer may still receive goals: the robot is held and lowered withou
 sent any more, the ladder goes to FAULT. With a blocked leg the way to the rest pose makes the robot fall: it stays
 frozen until an operator, who holds it, requests the way down, or its time is over, or another fault comes. A robot that
 gets up cannot stop half-way: frozen it would topple over stiff, and it cannot park. Whatever ends it makes it give way.
+Stops latch with the torque off too: a stop that was pressed in OFF, or on the way there, is in force until a clear.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ class Inputs:
     """Inputs of one tick.
 
     Attributes:
-        start, stop, park, clear: requests of an operator; they hold for one tick.
+        start, stop, park, clear: requests of an operator; they hold for one tick. Of a robot that stands, `start`
+            releases a stop.
         estop, kill: the same; they act in every state.
         get_up: likewise, of a robot that lies without torque, and may get up.
         plan_ready: there is a plan to play; plan_over: its stop tail has been played.
@@ -96,6 +98,7 @@ class Inputs:
 
 _STOPPED = {"freeze": "frozen", "captured_stop": "brought to a stand", "crouch": "lowered"}
 
+_KILLED = "kill: torque cut by an operator"
 _FALL = "fall: torso tilted past the robot's limit"
 _UNSEEN = "fall: the robot swayed as its IMU was lost, and may have fallen since"
 
@@ -114,14 +117,14 @@ class Ladder:
     Attributes:
         state: the present state.
         fault: latched cause, kept until `clear`; None while there is none.
-        stopping: a stop was requested: only a plan that stops is accepted.
+        stopped: a stop is in force, in whatever state it was requested: no start, and no plan but one that stops.
     """
 
     def __init__(self, limits: SafetyLimits, rate_hz: float, *, freeze_s: float = 0.5, damp_s: float = 1.0) -> None:
         self.limits = limits
         self.state = State.OFF
         self.fault: str | None = None
-        self.stopping = False
+        self.stopped = False
         self._freeze_ticks = int(round(freeze_s * rate_hz))
         self._lost_ticks = int(round(limits.lost_bus_hold_s * rate_hz))
         self._blocked_ticks = int(round(limits.blocked_hold_s * rate_hz))
@@ -134,12 +137,18 @@ class Ladder:
         self._pressed = False  # an e-stop button that is held down counts once
 
     @property
+    def stopping(self) -> bool:
+        """Whether only a plan that stops is accepted: after a stop, after a fault, or to park."""
+        return self.stopped or self._parking or self.fault is not None
+
+    @property
     def waits(self) -> bool:
         """Whether the robot stands frozen with a blocked leg until an operator lowers it, for a bounded time."""
         return self._stands and self._frozen and self.state is State.HOLD
 
     def step(self, inputs: Inputs) -> Playback:
         """Advance one tick; returns what the loop sends."""
+        self.stopped |= inputs.stop
         emergency = self.state in POWERED and self._emergency(inputs)
         self._pressed = inputs.estop
         if not emergency:
@@ -167,7 +176,7 @@ class Ladder:
     def _emergency(self, inputs: Inputs) -> bool:
         """Latch a failure; returns whether it decides this tick, so that no other request can undo it."""
         if inputs.kill:
-            self._latch("kill: torque cut by an operator")
+            self._latch(_KILLED)
             self.state = State.FAULT
         elif inputs.cut_off is not None:
             self._latch(inputs.cut_off)
@@ -184,9 +193,8 @@ class Ladder:
         elif inputs.bus_lost is not None and not self._lost:
             return self._lose(inputs.bus_lost)
         else:
-            if inputs.fault is not None and self.fault is None:
+            if inputs.fault is not None:
                 self._latch(inputs.fault)
-                self.stopping = True
             return False
         return True
 
@@ -199,7 +207,7 @@ class Ladder:
     def _stand(self, cause: str, stands: bool) -> bool:
         """Stop where a joint is blocked; returns whether that decides this tick."""
         self._latch(cause)
-        self.stopping, self._stands = True, stands
+        self._stands = stands
         return self._stop_at_once(self._blocked_ticks if stands else self._freeze_ticks)
 
     def _emergency_stop(self, ticks: int) -> bool:
@@ -214,24 +222,28 @@ class Ladder:
             self.state, self._frozen, self._left = State.HOLD, True, ticks
         elif does == "crouch":
             self.state, self._frozen = State.PARK, False
-        else:
-            self.stopping = True  # as a fault does: the plan's own stop, then PARK
-        return does != "captured_stop"
+        return does != "captured_stop"  # which does as a fault does: the plan's own stop, then PARK
 
     def _in_off(self, inputs: Inputs) -> None:
-        stopped = inputs.stop or inputs.park or inputs.estop or inputs.kill
-        if inputs.start and not stopped and self.fault is None:
-            self.state, self._stands = State.READY, False
-            self.stopping = self._frozen = self._parking = self._lost = False
-        elif inputs.kill:
-            self._latch("kill: torque cut by an operator")
+        if inputs.kill:
+            self._latch(_KILLED)
             self.state = State.FAULT
-        elif inputs.get_up and not stopped:
-            self._begin_to_get_up()
+        elif inputs.estop:
+            self._latch("e-stop: pressed by an operator while the torque was off")
+            self.state = State.FAULT
+        elif inputs.stop or inputs.park:
+            return
+        elif inputs.start and not self.stopped:
+            self._begin(State.READY)
+        elif inputs.get_up:
+            self._begin(State.GET_UP)
+        elif inputs.clear:
+            self.stopped = False
 
-    def _begin_to_get_up(self) -> None:
-        self.state, self.fault, self._stands = State.GET_UP, None, False
-        self.stopping = self._frozen = self._parking = self._lost = False
+    def _begin(self, state: State) -> None:
+        """Begin anew: nothing that stopped the robot before is in force any more."""
+        self.state, self.fault, self._stands = state, None, False
+        self.stopped = self._frozen = self._parking = self._lost = False
 
     def _in_get_up(self, inputs: Inputs) -> None:
         cause = inputs.bus_lost or inputs.fault or inputs.get_up_failed
@@ -249,17 +261,16 @@ class Ladder:
         if inputs.park or self.fault is not None:
             self.state = State.PARK
         else:
-            self._update_stopping(inputs)
+            self._release(inputs)
             if inputs.move_done and inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING
 
-    def _update_stopping(self, inputs: Inputs) -> None:
+    def _release(self, inputs: Inputs) -> None:
         """A stop holds until the next start request without one; a new plan does not undo it."""
-        self.stopping = inputs.stop or (self.stopping and not inputs.start)
+        self.stopped &= inputs.stop or not inputs.start
 
     def _in_streaming(self, inputs: Inputs) -> None:
         self._parking |= inputs.park
-        self.stopping |= inputs.stop or inputs.park
         if inputs.plan_over:
             self.state = State.HOLD
 
@@ -273,14 +284,13 @@ class Ladder:
         else:
             # A park wins over a plan that begins in the same tick.
             self._parking |= inputs.park
-            self._update_stopping(inputs)
-            self.stopping |= inputs.park
+            self._release(inputs)
             if inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING
 
     def _in_park(self, inputs: Inputs) -> None:
         if inputs.move_done:
-            self.state = State.OFF if self.fault is None else State.FAULT
+            self.state, self._parking = (State.OFF if self.fault is None else State.FAULT), False
 
     def _in_damped(self, inputs: Inputs) -> None:
         self._left -= 1
@@ -288,10 +298,9 @@ class Ladder:
             self.state = State.FAULT
 
     def _in_fault(self, inputs: Inputs) -> None:
-        if inputs.estop or inputs.kill:
+        if inputs.estop or inputs.kill or inputs.stop:
             return
-        if inputs.get_up and not (inputs.stop or inputs.park):
-            self._begin_to_get_up()
+        if inputs.get_up and not inputs.park:
+            self._begin(State.GET_UP)
         elif inputs.clear:
-            self.state, self.fault = State.OFF, None
-            self.stopping = self._frozen = self._parking = self._lost = False
+            self._begin(State.OFF)

@@ -141,8 +141,7 @@ class ControlLoop:
     @property
     def must_stop(self) -> bool:
         """Whether only a plan that stops is accepted."""
-        ladder = self.ladder
-        return self.winding_down or ladder.stopping or ladder.fault is not None or self.joints.reason is not None
+        return self.winding_down or self.ladder.stopping or self.joints.reason is not None
 
     def touch(self) -> None:
         """Read the shared memory that ticks need, so that no tick meets a page fault in it."""
@@ -300,7 +299,7 @@ class ControlLoop:
             if self.inputs.start:  # one operator's arm beside another's: neither check would cover both
                 self.inputs.start = False
                 self._emit("refused", "ARM: the robot is asked to get up")
-            reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro)
+            reason = reason or why_not_get_up(self.robot, self.estimator, self.state.gyro, self.state.accel)
             if reason is not None:
                 self.inputs.get_up = False
                 self._emit("refused", f"{GET_UP}: {reason}")

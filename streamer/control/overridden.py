@@ -20,7 +20,7 @@ def overridden(inputs: Inputs, before: State, after: State) -> list[str]:
     names = {
         GET_UP: inputs.get_up and after is not State.GET_UP,
         "ARM": inputs.start and before is State.OFF and after is not State.READY,
-        "CLEAR": (inputs.clear and after is before is State.FAULT)
+        "CLEAR": (inputs.clear and (after is before is State.FAULT or before is State.OFF))
         or (inputs.start and before in (State.READY, State.HOLD) and (inputs.stop or inputs.estop or inputs.kill)),
     }
     return [name for name, undone in names.items() if undone]

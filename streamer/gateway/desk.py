@@ -43,11 +43,12 @@ from flexmotion.streamer.gateway.messages import (
     decode,
     intent_of,
 )
-from flexmotion.streamer.gateway.mirror_state import GOES_ON, MirrorState
+from flexmotion.streamer.gateway.mirror_state import MirrorState
 from flexmotion.streamer.gateway.part_messages import PartMessage
 from flexmotion.streamer.gateway.send_rates import MOST_WAITING, SendRates
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, Over, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
+from flexmotion.streamer.motion.mirror_source import GOES_ON
 from flexmotion.streamer.motion.part_intents import PLACE_OF, RELAXES, PartIntent, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.targets import TargetSender
@@ -67,9 +68,8 @@ _ENDS: dict[Over | None, TargetEnd] = {"expired": "expired", "stopped": "stopped
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
-_WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
-_AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
-"""An emergency depends on no order of arrival, and not on two clocks that agree."""
+_EMERGENCIES = (StopMessage, EmergencyStopMessage, KillMessage)
+"""They need no lease, depend on no order of arrival, and not on two clocks that agree."""
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 """States in which a target is followed, or waits to be."""
 _STANDS_AFTER = {"clip", "stop"}
@@ -197,11 +197,11 @@ class Desk:
         if late is not None:
             self.reject("stale")
             self._reply(asked, *late)
-        elif type(message) in _WITHOUT_LEASE:
+        elif type(message) in _EMERGENCIES:
             self._request(asked)
-        elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender, now):
+        elif not self._sequences.ascends(message, sender, now):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
-        elif not self.takes_targets and (gets_up(message) or not isinstance(message, KillMessage | ClearMessage)):
+        elif not self.takes_targets and (gets_up(message) or not isinstance(message, ClearMessage)):
             self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
         elif isinstance(message, ReleaseMessage):
             held = self.lease.release(message.source)
@@ -226,7 +226,7 @@ class Desk:
 
     def _late(self, message: Message) -> tuple[AnswerState, str] | None:
         """Why a message's stamp makes it invalid."""
-        if message.stamp_s is None or type(message) in _AT_ANY_TIME:
+        if message.stamp_s is None or type(message) in _EMERGENCIES:
             return None
         age_s = time.time() - message.stamp_s
         if age_s < -_AHEAD_S:
@@ -335,7 +335,7 @@ class Desk:
             return
         if told.state in FOLLOWED and asked.intent is not None:
             if self.mirror is not None:
-                self.mirror.goes_on()  # a run that mirrors follows no other target
+                self.mirror.follows(rests=heard.heard_as == STAND)
             content = to_content(asked.intent)
             source, now = asked.message.source, time.perf_counter()
             holds_s = asked.holds_s if heard.left_s is None else min(asked.holds_s, heard.left_s)

@@ -9,7 +9,7 @@ class Lease:
     """One operator at a time. Whoever sends a target while nobody holds the lease takes it.
 
     A source with a higher priority takes it over with its first target, one with the same priority by asking for it
-    (`take`), one with a lower priority not at all. Stops need no lease.
+    (`take`), one with a lower priority not at all. Stops, `disarm` and `kill` need no lease.
 
     Args:
         settings: priorities, and how long the lease lasts without a message.

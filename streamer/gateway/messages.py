@@ -138,19 +138,22 @@ class HoldMessage(MessageBase):
 
 
 class StopMessage(MessageBase):
-    """Come to a balanced stand and refuse targets until `clear`."""
+    """Come to a balanced stand and refuse targets until `clear`; without torque, refuse `arm` until then."""
 
     type: Literal["stop"] = "stop"
 
 
 class EmergencyStopMessage(MessageBase):
-    """Stop at once as the robot file says, then park; the fault is latched. It is no safety function."""
+    """Stop at once as the robot file says, then park; the fault is latched, without torque too. No safety function."""
 
     type: Literal["estop"] = "estop"
 
 
 class ArmMessage(MessageBase):
-    """Switch the torque on and stand up. Refused where a fault is latched, the robot lies, or its hardware is unfit."""
+    """Switch the torque on and stand up.
+
+    Refused where a fault is latched, a stop is in force, the robot lies, or its hardware is unfit.
+    """
 
     type: Literal["arm"] = "arm"
 
@@ -162,7 +165,7 @@ class DisarmMessage(MessageBase):
 
 
 class ClearMessage(MessageBase):
-    """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`.
+    """Release a STOP once the robot stands: it stands until a new target. Without torque: to OFF, until `arm`.
 
     Attributes:
         get_up: a robot that lies on its front or its back gets up, from OFF too; the answer comes when it stands, or

@@ -11,15 +11,12 @@ from flexmotion.streamer.motion.person_channel import PersonChannel, PersonRow
 
 Mirrors = Literal["a person", "nobody", "not yet", "waits"]
 """a person: who is seen is mirrored. nobody: nobody is seen. not yet: a person is seen who is not followed, or not yet.
-waits: for the text "mirror", since the robot was stopped."""
-
-GOES_ON = 'mirroring goes on with the text "mirror": flexmotion send mirror'
-"""What is told to who lets a robot go on that mirrored before it was stopped."""
+waits: for the text "mirror", since the robot was stopped, or told to stand."""
 
 _FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
 _BEFORE = (State.OFF, State.GET_UP)
-"""Nothing ends in them, as of the planner's record of targets: a robot that is armed for the first time mirrors by
-itself."""
+"""Nothing but a stop ends in them, as of the planner's record of targets: a robot that is armed for the first time
+mirrors by itself."""
 
 
 class MirrorState:
@@ -39,17 +36,17 @@ class MirrorState:
 
     def update(self, row: TickRow | None) -> None:
         """Take the newest row of the loop, and the poses that have come."""
-        if row is not None and (state := State(int(row.state))) not in _BEFORE:
-            self.waits |= bool(row.must_stop) or state not in _FOLLOWS
+        if row is not None:
+            self.waits |= bool(row.must_stop) or State(int(row.state)) not in (*_FOLLOWS, *_BEFORE)
         for pose in self._poses.read():
             self._seen_s = float(PersonRow(pose).arrived_s)
 
-    def goes_on(self) -> None:
-        """A target that asks to mirror is followed."""
-        self.waits = False
+    def follows(self, *, rests: bool) -> None:
+        """A target is followed: it asks to mirror, or else to stand."""
+        self.waits = rests
 
     def ends(self) -> None:
-        """Such a target is over: its time to live is."""
+        """The target that asks to mirror is over: its time to live is."""
         self.waits = True
 
     def mirrors(self, row: TickRow | None, now_s: float) -> Mirrors:

@@ -84,7 +84,7 @@ class Status(BaseModel):
         following: the newest target that came over the gateway and was accepted; null after a stop, without torque, and
             where the robot stands still for words that it does not understand.
         mirrors: of a run that mirrors: "a person"; "nobody", since nobody is seen; "not yet", of a person who is seen
-            and not followed; "waits", after a stop, for the text "mirror". null in other runs.
+            and not followed; "waits", after a stop or a stand, for the text "mirror". null in other runs.
         holding: what holds beside it, in order of the targets' numbers.
         operator: who holds the lease.
         counts: of messages, by what became of them.

@@ -31,6 +31,8 @@ LEAST_POSES = 6
 """Poses of a stream before the robot follows it: fewer say no speed."""
 WORDS = ("mirror", "mirror me", "mirror the person")
 """Targets that are followed: they release the stand after a stop."""
+GOES_ON = 'mirroring goes on with the text "mirror": flexmotion send mirror'
+"""What is told to who stops a robot that mirrors, or lets it go on after a stop."""
 _KEPT_S = 2.0
 _RATE_POSES = 12
 """Poses that show how often frames come."""
@@ -112,7 +114,7 @@ class MirrorSource:
         if not isinstance(target.intent, Text) or target.intent.text.strip().lower() not in WORDS:
             raise ConfigError(
                 f"target: {word_of(target.intent)} cannot be followed: this run mirrors a person; "
-                f'expected the text "{WORDS[0]}", which goes on after a stop, or a stop'
+                f'expected the text "{WORDS[0]}", which goes on after a stop, or "stop", a stand'
             )
         if self.resting and not self.wanted:
             raise ConfigError("target: nobody is seen who could be mirrored")

@@ -26,6 +26,7 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, FootPlace, HeadPlace, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
 from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.rest import asks_for_rest
 from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, Restriction
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
@@ -76,7 +77,7 @@ class Replanner:
     Attributes:
         ledger, parts, feet, head, restrictions: what operators ask for; made: the plans.
         push: whether the robot was pushed.
-        follows_targets: whether the source follows targets.
+        follows_targets: whether the source follows targets other than those that ask for a stand.
         gave_up: whether the last call of `step` gave a plan up for a more urgent one, which is due at once.
     """
 
@@ -194,10 +195,17 @@ class Replanner:
             return False
         begin = time.perf_counter()
         kind, new = self._due.kind(row, target), self._due.is_new(target, row)
+        rests = new and self._runner is None and asks_for_rest(target.intent)
+        if rests:
+            kind = Kind.STOP
         now, sampling_s = tick - early, 0.0
         soon = self._mirroring is not None and not self._mirroring.resting
         join, resumed, current = self._join(kind, row, self.lead.join(kind, now, soon=soon))
-        if kind is Kind.STOP:
+        if rests:
+            self._turns.to_rest(target)
+            self.feet.gather()
+            self.head.rise_if_halted()
+        elif kind is Kind.STOP:
             target = NO_TARGET
         elif new:
             stands_at, stays = partial(self._stands_at, row, join), self.restrictions.stays
@@ -251,7 +259,9 @@ class Replanner:
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
             leads=self.feet.leads or (not row.must_stop and self.parts.leads(planned.plan)),
-            source_over=planned.source_over or (self._runner is not None and self._runner.over),
+            source_over=planned.source_over
+            or (self._runner is not None and self._runner.over)
+            or (rests and not self.follows_targets),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
             seen_ns=0 if self._mirroring is None else self._mirroring.seen_ns,
@@ -431,8 +441,8 @@ class Replanner:
         """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
         ledger = self.ledger
         ledger.take(tick)
-        if not self.follows_targets:
-            ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
+        if not (self.follows_targets or asks_for_rest(ledger.wanted.intent)):
+            ledger.refuse(ledger.wanted, f"{self.planner.source.name}: a source that follows no targets but a stand")
         pending = int(row.pending)
         ledger.settle(row, max(int(row.target), self.made.target_of(pending)), partial(self.made.start_of, row))
         return ledger.wanted

@@ -12,8 +12,9 @@ from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.intents import words_of
-from flexmotion.streamer.motion.mirror_source import MirrorSource
+from flexmotion.streamer.motion.mirror_source import GOES_ON, MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.rest import heard_as_rest
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.motion.undo import Undo
@@ -76,6 +77,14 @@ class SourceTurns:
                 self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None, goes_on=goes_on)
         return True
+
+    def to_rest(self, target: Target) -> None:
+        """Follow a target that asks for a stand, of a source that knows none: from now on it is not followed."""
+        source, self._undo = self.planner.source, []
+        goes_on = [GOES_ON] if isinstance(source, MirrorSource) else []
+        goes_on += [] if isinstance(source, LiveSource) else [f"{source.name} is over"]
+        self.ledger.turned(target, heard_as_rest(target.intent, *goes_on))
+        self.ledger.halted = True
 
     def _travels(self, frame: int) -> bool:
         """Whether the program at a frame moves the robot from its place, or turns it."""

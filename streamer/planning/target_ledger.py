@@ -25,6 +25,10 @@ _ENDED = {
     State.GET_UP: "the robot gets up (GET_UP): wait until it stands",
 }
 """States in which no target is followed, and why."""
+_STOPPED_OFF = (
+    "the torque is off, and a stop is in force: release the stop (on the page: Release stop; in a terminal: flexmotion "
+    "clear), then arm the robot"
+)
 _STOPPED = "stopped: release the stop first (on the page: Release stop; in a terminal: flexmotion clear)"
 _FAULTED = "a fault is latched: wait until the torque is off, then clear the fault and arm the robot"
 _FAULTED_PARK = (
@@ -63,6 +67,8 @@ def ended_by(row: TickRow) -> str | None:
         return None
     if bool(row.faulted) and state in (State.PARK, State.READY, State.STREAMING, State.HOLD):
         return _FAULTED_PARK if state is State.PARK else _FAULTED
+    if state is State.OFF and bool(row.must_stop):
+        return _STOPPED_OFF
     return _ENDED.get(state, _LIMP if row.limp.any() else _STOPPED)
 
 
@@ -70,9 +76,9 @@ def halts(row: TickRow) -> bool:
     """Whether the state of the loop ends what was asked for.
 
     Before it stands nothing has ended: the robot will follow what its run was started with, whether it was armed or
-    gets up first. A fall, a fault and a stop halt in states of their own.
+    gets up first. A stop ends it then too; a fall and a fault halt in states of their own.
     """
-    return ended_by(row) is not None and State(int(row.state)) not in (State.OFF, State.GET_UP)
+    return ended_by(row) is not None and (bool(row.must_stop) or State(int(row.state)) not in (State.OFF, State.GET_UP))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from flexmotion.configs.stream import StreamSettings
-from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.ladder import POWERED, State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.overridden import GET_UP
 from flexmotion.streamer.run.requests import OF_JOINTS, Request
@@ -23,7 +23,7 @@ _PARKING_S = 12.0
 MARGIN_S = 30.0
 """Longest run beyond the source's length: standing up, stopping, parking [s]."""
 _AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
-"""If one of these arrives before the start, torque stays off."""
+"""If one of these arrives before the start, torque stays off; after a stop until it is cleared."""
 _STOPS = (Request.STOP, Request.ESTOP, Request.KILL, Request.DISARM, Request.END)
 """These undo what is asked for in the same tick."""
 _TOLD = {
@@ -141,7 +141,7 @@ class Lifecycle:
             self.loop.joints.ask(request.name, tuple(names.split(",")))
 
     def _clear(self) -> None:
-        """Clear a fault, or release a STOP: the robot then stands until a new target arrives."""
+        """Clear a fault, or release a STOP: the robot then stands, or waits without torque, until it is asked."""
         ladder, restarting = self.loop.ladder, self.loop.joints.restarting
         if ladder.state is State.FAULT and restarting is None:
             self.loop.inputs.clear = True
@@ -155,6 +155,10 @@ class Lifecycle:
             self._emit("refused", f"CLEAR: {self.loop.joints.reason}")
         elif ladder.state in (State.READY, State.HOLD):
             self.loop.inputs.start = True
+        elif ladder.state is State.OFF and ladder.stopped:
+            self.loop.inputs.clear = True
+        elif ladder.state is State.OFF:
+            self._emit("refused", "CLEAR: the torque is off, and no stop is in force: there is nothing to clear")
         else:
             why = "it changes nothing yet: it releases a STOP once the robot stands"
             self._emit("refused", f"CLEAR: in {ladder.state.name} {why}")
@@ -168,6 +172,8 @@ class Lifecycle:
             self._emit("refused", f"ARM: a fault is latched: {ladder.fault}; clear it first")
         elif ladder.state is not State.OFF:
             self._emit("refused", f"ARM: torque is on, the robot is in {ladder.state.name}")
+        elif ladder.stopped:
+            self._emit("refused", "ARM: a stop is in force; clear it first")
         else:
             self._start()
             self.loop.inputs.start = True
@@ -212,7 +218,7 @@ class Lifecycle:
         """Set the loop's inputs for its next tick."""
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
-        self._was_on |= state is not State.OFF
+        self._was_on |= state in POWERED
         if not self._begun:
             self._begun = True
             if self._withheld is not None:
@@ -225,7 +231,8 @@ class Lifecycle:
                 self._emit("note", "torque is off: the run waits to be armed (flexmotion arm, or the page)")
         if self._stream_start is None and loop.intake.playing is not None:
             self._stream_start = loop.intake.playing.plan.start_tick
-        loop.winding_down = self._ending or self._stream_over()
+        # Without torque there is nothing to wind down: a robot that is armed again begins anew.
+        loop.winding_down = self._ending or (self._stream_over() and state in POWERED)
         if self.broken is not None:
             inputs.fault = f"planner: {self.broken}"
         if self._most_ticks is not None and self._ticks >= self._most_ticks - int(_PARKING_S * rate):

@@ -25,6 +25,7 @@ from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import WORDS, Intent
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import PartIntent
+from flexmotion.streamer.motion.rest import asks_for_rest
 from flexmotion.streamer.motion.robot_pace import human_scale
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target
@@ -183,8 +184,10 @@ class Session(RunParts):
             raise ConfigError(
                 f"target: {intent!r}, expected one of: {', '.join(one.__name__ for one in WORDS.values())}"
             )
-        if not isinstance(self.source, LiveSource) and not isinstance(intent, PartIntent):
-            raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
+        if not (isinstance(self.source, LiveSource) or isinstance(intent, PartIntent) or asks_for_rest(intent)):
+            raise ConfigError(
+                f"{self.source.name}: a source that follows no targets but a stand; a model or a clip library does"
+            )
         self._require_open()
         return self.targets.send(intent, holds_s=holds_s)
 

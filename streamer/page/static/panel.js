@@ -47,6 +47,7 @@ export function nextStep({ state, must_stop, gets_up_from }, recovering, other) 
   if (state === "FAULT") return ["Fault", "The torque is off. Clear the fault, then arm the robot."];
   if (state === "DAMPED") return ["The robot fell", "It gives way, then its torque goes off."];
   if (state === "PARK") return ["Lowering itself", "Then its torque goes off."];
+  if (state === "OFF" && must_stop) return ["Stopped", "The torque is off. Release the stop, then arm the robot."];
   if (state === "OFF") return [recovering ? "Fault cleared" : "Torque is off", arm];
   if (recovering) return ["Fault", "The robot lowers itself, then its torque goes off."];
   if (!must_stop) return null;
@@ -61,6 +62,7 @@ export function whyNot({ state, must_stop, loop, cause }, other) {
     GET_UP: "Getting up: wait until it stands", DAMPED: "The robot fell", FAULT: "Fault: clear it first",
   };
   if (cause && (must_stop || state === "PARK") && !["OFF", "FAULT", "DAMPED", "GET_UP"].includes(state)) return FAULTED;
+  if (state === "OFF" && must_stop) return "Torque is off: release the stop, then arm it";
   if (reasons[state]) return reasons[state];
   if (must_stop) return "Stopped: release the stop first";
   return other ? `${other} steers: take over first` : null;

@@ -55,7 +55,8 @@ export class Stops {
   taken(what) {
     this.alarm(null);
     const off = ["OFF", "FAULT"].includes(this.state);
-    this.tell(`${NAMES[what]} received${off ? ": the torque is off already" : ""}`);
+    const until = what === "stop" && this.state === "OFF" ? "the stop is released" : "the fault is cleared";
+    this.tell(`${NAMES[what]} received${off ? `: the torque stays off until ${until}` : ""}`);
   }
 
   async ask(what) {
@@ -64,8 +65,8 @@ export class Stops {
     else this.alarm(`${NAMES[what] ?? NAMES.clear}: refused`, answer.reason);
   }
 
-  // After a STOP targets are refused until it is released; after a fault the torque stays off until the fault is cleared
-  // and the robot is armed. Both steps are shown while the robot lowers itself.
+  // After a STOP targets are refused until it is released, and without torque so is arming; after a fault the torque
+  // stays off until the fault is cleared and the robot is armed. Both steps are shown while the robot lowers itself.
   show({ state, must_stop, cause, loop, gets_up_from }) {
     this.state = state;
     if (["FAULT", "DAMPED"].includes(state) || (state === "PARK" && cause)) this.recovering = true;
@@ -73,13 +74,13 @@ export class Stops {
     if (["READY", "STREAMING", "HOLD"].includes(state)) this.recovering = this.fell = false;
     const risen = state === "GET_UP";
     const silent = loop === "silent";
-    const stopped = must_stop && ["READY", "STREAMING", "HOLD"].includes(state) && !cause;
+    const stopped = must_stop && ["OFF", "READY", "STREAMING", "HOLD"].includes(state) && !cause;
     const stands = ["READY", "HOLD"].includes(state) && !must_stop && !cause;
     this.offer("release", !silent && stopped, state !== "STREAMING");
     this.offer("clear", !silent && this.recovering && !risen, state === "FAULT");
     const lies = this.fell && gets_up_from && ["OFF", "FAULT"].includes(state);
     this.offer("getup", !silent && Boolean(lies), true);
-    this.offer("arm", !silent && !risen && (this.recovering || ["OFF", "PARK"].includes(state)), state === "OFF");
+    this.offer("arm", !silent && !risen && (this.recovering || ["OFF", "PARK"].includes(state)), state === "OFF" && !must_stop);
     this.offer("disarm", !silent && stands, true);
   }
 

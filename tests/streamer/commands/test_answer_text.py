@@ -122,6 +122,7 @@ def test_more_than_was_asked_is_told_as_more() -> None:
 def test_the_status_says_why_targets_are_refused_and_how_a_target_ended() -> None:
     stopped = lines(must_stop=True)
     assert "flexmotion clear" in stopped["targets"] and stopped["follows"].startswith("nothing")
+    assert lines(state="OFF", must_stop=True)["targets"] == stopped["targets"], "a stop without torque was not told of"
     limp = lines(state="READY", must_stop=True, limp=("l_el",))
     assert limp["limp joints"] == "l_el" and "targets" not in limp
     fault = lines(state="FAULT", cause="e-stop: frozen by an operator", must_stop=True)

@@ -209,8 +209,21 @@ def test_a_hand_that_turns_a_limp_joint_fast_is_no_lie_and_no_disobedience(
 def test_a_standing_robot_never_loses_the_torque_of_a_leg(stand: Callable[..., Stand], joint: str) -> None:
     one = stand("sim")
     one.arm()
-    assert one.ask(LIMP, "l_el", joint) == [f"refused: LIMP l_el,{joint}: {joint}: carries the robot; disarm it"]
+    assert one.ask(LIMP, "l_el", joint) == [
+        f"refused: LIMP l_el,{joint}: {joint}: carries the robot, and never goes limp by itself; disarm it"
+    ]
     assert one.powered == set(one.loop.robot.joint_names), "the elbow neither"
+
+
+def test_a_leg_is_refused_as_such_whatever_the_robot_does(stand: Callable[..., Stand]) -> None:
+    """The advice was to let the robot come to a stand, or to arm it, after which the leg was refused all the same."""
+    one = stand("sim")
+    one.run()
+    never = "refused: LIMP l_knee: l_knee: carries the robot, and never goes limp by itself; disarm it"
+    assert one.ask(LIMP, "l_knee") == [never], "in OFF"
+    one.loop.inputs.start = True
+    one.run(3)
+    assert one.ask(LIMP, "l_knee") == [never], "while it stands up"
 
 
 def test_what_is_refused_in_each_state(stand: Callable[..., Stand]) -> None:

@@ -61,7 +61,7 @@ def at(state: State) -> Ladder:
 
 
 MOVES = {
-    State.OFF: {"kill": State.FAULT, "start": State.READY, "get_up": State.GET_UP},
+    State.OFF: {"kill": State.FAULT, "estop": State.FAULT, "start": State.READY, "get_up": State.GET_UP},
     State.READY: {"park": State.PARK, "fault": State.PARK},
     State.STREAMING: {"plan_over": State.HOLD},
     State.HOLD: {"park": State.PARK, "fault": State.PARK, "plan_ready": State.STREAMING},
@@ -225,7 +225,7 @@ def test_an_estop_button_held_down_counts_once() -> None:
 def test_no_start_under_a_pressed_button(name: str) -> None:
     ladder = Ladder(FREEZES, RATE)
     ladder.step(Inputs(start=True, **{name: True}))
-    assert ladder.state is (State.FAULT if name == "kill" else State.OFF)
+    assert ladder.state is State.FAULT
 
 
 @pytest.mark.parametrize("state", POWERED)
@@ -376,6 +376,65 @@ def test_a_stop_holds_until_the_next_start_request() -> None:
     assert ladder.state is State.STREAMING and not ladder.stopping
 
 
+def test_no_start_after_an_emergency_stop_without_torque_before_a_clear() -> None:
+    """An emergency stop that was pressed in OFF was answered as accepted, and the next ARM stood the robot up."""
+    ladder = at(State.OFF)
+    assert ladder.step(Inputs(estop=True)) is Playback.NOTHING
+    assert ladder.state is State.FAULT and str(ladder.fault).startswith("e-stop")
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.FAULT
+    ladder.step(Inputs(clear=True, estop=True))
+    assert ladder.state is State.FAULT, "it is still pressed"
+    ladder.step(Inputs(clear=True))
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.READY and not ladder.stopping
+
+
+@pytest.mark.parametrize("state", [State.OFF, State.PARK, State.READY, State.HOLD, State.STREAMING])
+def test_a_stop_outlives_the_torque_and_is_released_by_a_clear_alone(state: State) -> None:
+    """A STOP that was pressed in OFF or PARK was lost, and one from before was released by the next ARM."""
+    ladder = at(state)
+    ladder.step(Inputs(stop=True))
+    ladder.step(Inputs(park=True, plan_over=True))
+    for _ in range(3):
+        ladder.step(Inputs(plan_over=True))
+    ladder.step(Inputs(move_done=True))
+    assert ladder.state is State.OFF and ladder.stopping
+    ladder.step(Inputs(start=True))
+    ladder.step(Inputs(clear=True, stop=True))
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.OFF and ladder.stopping, "a stop in the tick of a clear wins"
+    ladder.step(Inputs(clear=True, start=True))
+    assert ladder.state is State.OFF and not ladder.stopping, "a clear switches no torque on"
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.READY and not ladder.stopping
+
+
+def test_parking_alone_leaves_no_stop_behind() -> None:
+    """With the torque off the status told of a stop that nobody had pressed, after a DISARM in mid-walk."""
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(park=True))
+    assert ladder.stopping
+    for inputs in (Inputs(plan_over=True), Inputs(plan_over=True), Inputs(move_done=True)):
+        ladder.step(inputs)
+    assert ladder.state is State.OFF and not ladder.stopping
+
+
+def test_a_clear_does_not_undo_a_park() -> None:
+    """Went wrong: a CLEAR after a DISARM that had met a plan in its own tick let that plan play: the robot walked."""
+    ladder = at(State.HOLD)
+    ladder.step(Inputs(park=True, plan_ready=True))
+    ladder.step(Inputs(start=True, plan_ready=True))
+    assert ladder.state is State.HOLD and ladder.stopping
+
+
+def test_a_stop_in_the_tick_of_a_clear_keeps_the_fault() -> None:
+    """The CLEAR of one person undid the STOP of another of the same tick."""
+    ladder = at(State.FAULT)
+    ladder.step(Inputs(stop=True, clear=True))
+    assert ladder.state is State.FAULT
+
+
 @pytest.mark.parametrize("state", [State.READY, State.HOLD])
 def test_a_stop_keeps_a_standing_robot_standing(state: State) -> None:
     ladder = at(state)
@@ -421,12 +480,13 @@ def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_on_r
 ) -> None:
     ladder = Ladder(FREEZES, RATE, freeze_s=0.03, damp_s=0.03)
     for inputs in sequence:
-        before, fault = ladder.state, ladder.fault
+        before, fault, stopped = ladder.state, ladder.fault, ladder.stopped
         playback = ladder.step(inputs)
+        assert ladder.stopped or not (inputs.stop or (stopped and not (inputs.clear or inputs.start or inputs.get_up)))
         if fault is not None:
             assert ladder.fault == fault or (before is State.FAULT and (inputs.clear or inputs.get_up))
         if before not in POWERED and ladder.state in POWERED:
-            assert inputs.get_up or (before is State.OFF and inputs.start and fault is None)
+            assert inputs.get_up or (before is State.OFF and inputs.start and fault is None and not stopped)
             assert not (inputs.stop or inputs.park or inputs.estop or inputs.kill)
         if ladder.state is State.FAULT:
             assert ladder.fault is not None

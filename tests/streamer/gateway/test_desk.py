@@ -685,9 +685,8 @@ def test_only_the_operator_is_followed_but_anyone_stops(make_office: Make) -> No
     office.ask('{"type":"text","text":"wave","source":"page"}')
     office.ask('{"type":"text","text":"bow","source":"phone"}')
     assert office.states == ["refused"] and "'page' is the operator" in office.told[0].reason
-    office.ask('{"type":"kill","confirm":"the robot will fall","source":"phone"}')
     office.ask('{"type":"clear","source":"phone"}')
-    assert office.states == ["refused"] * 3 and reader.read() == []
+    assert office.states == ["refused"] * 2 and reader.read() == []
     office.ask('{"type":"stop","source":"phone"}')
     assert [request for request, _ in reader.read()] == [Request.STOP]
     changes: list[tuple[str | None, str | None]] = []
@@ -707,6 +706,17 @@ def test_anyone_may_disarm_and_nobody_loses_the_lease_by_it(make_office: Make) -
     office.ask('{"type":"disarm","source":"phone","sequence":3}')
     assert [request for request, _ in reader.read()] == [Request.DISARM] and office.desk.lease.holder == "page"
     assert office.states == ["refused"] and "sequence 3" in office.told[0].reason
+
+
+def test_whoever_may_send_may_cut_the_torque_and_nobody_loses_the_lease_by_it(make_office: Make) -> None:
+    """A kill was refused because another operator held the lease: the robot went on, on whoever lay under it."""
+    office = make_office(priorities={"page": 2})
+    reader = office.requests.reader()
+    office.ask('{"type":"velocity","velocity":[0.3,0,0],"ttl_s":60,"source":"page"}')
+    office.ask('{"type":"kill","source":"phone"}')
+    assert office.states == ["refused"] and reader.read() == [], "not without its sentence"
+    office.ask('{"type":"kill","confirm":"the robot will fall","source":"phone"}')
+    assert [request for request, _ in reader.read()] == [Request.KILL] and office.desk.lease.holder == "page"
 
 
 def test_an_emergency_depends_on_no_order_of_arrival(make_office: Make) -> None:

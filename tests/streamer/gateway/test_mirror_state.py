@@ -10,9 +10,9 @@ import pytest
 
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.gateway.mirror_state import GOES_ON, MirrorState
+from flexmotion.streamer.gateway.mirror_state import MirrorState
 from flexmotion.streamer.gateway.status import status_of
-from flexmotion.streamer.motion.mirror_source import SILENT_S
+from flexmotion.streamer.motion.mirror_source import GOES_ON, SILENT_S
 from flexmotion.streamer.motion.person_channel import PersonChannel, PersonPose
 from flexmotion.streamer.run.requests import Request
 
@@ -89,6 +89,17 @@ def test_who_clears_a_stop_is_told_how_mirroring_goes_on(mirroring: Mirroring) -
     assert mirroring.told == "a person"
 
 
+def test_a_robot_that_was_told_to_stand_waits_until_it_is_told_to_mirror(mirroring: Mirroring) -> None:
+    """The status went on with "a person": a hold counted as a target that asks to mirror."""
+    mirroring.goes(State.STREAMING)
+    for kind, heard, told in (("hold", "stand", "waits"), ('text","text":"mirror', "mirror", "a person")):
+        mirroring.office.ask(f'{{"type":"{kind}"}}')
+        mirroring.office.run.answer(mirroring.office.run.arrived()[-1].id, heard=heard)
+        mirroring.goes(State.STREAMING)
+        mirroring.show()
+        assert mirroring.told == told
+
+
 def test_who_clears_a_fault_and_arms_is_told_too(mirroring: Mirroring) -> None:
     mirroring.goes(State.STREAMING, State.PARK, State.FAULT)
     assert mirroring.ask("clear", Request.CLEAR, State.OFF).notes == (GOES_ON,)
@@ -97,11 +108,18 @@ def test_who_clears_a_fault_and_arms_is_told_too(mirroring: Mirroring) -> None:
 
 
 def test_a_robot_that_is_armed_for_the_first_time_mirrors_by_itself(mirroring: Mirroring) -> None:
-    mirroring.goes(State.OFF, stopped=True)  # a stop before it has begun ends nothing
     mirroring.goes(State.OFF)
     answer = mirroring.ask("arm", Request.ARM, State.READY)
     assert answer.state == "accepted" and answer.notes is None and mirroring.notes == []
     assert mirroring.told == "nobody"
+
+
+def test_one_that_was_stopped_before_it_was_armed_waits_until_it_is_told(mirroring: Mirroring) -> None:
+    """A stop without torque ended nothing: the robot was armed, and mirrored whoever stood there."""
+    mirroring.goes(State.OFF, stopped=True)
+    mirroring.goes(State.OFF)
+    assert mirroring.ask("arm", Request.ARM, State.READY).notes == (GOES_ON,)
+    assert mirroring.told == "waits"
 
 
 def test_a_run_that_mirrors_nobody_says_nothing_of_it(make_office: Make) -> None:

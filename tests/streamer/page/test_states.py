@@ -138,6 +138,19 @@ def test_a_fault_is_cleared_and_the_robot_armed_at_two_places(run: StandIn, size
     run.answer(state="accepted")
 
 
+def test_a_stop_without_torque_is_released_before_the_robot_is_armed(run: StandIn) -> None:
+    """It was "received: the torque is off already", and "Arm" stood the robot up at once, for targets of all."""
+    page = run.page
+    run.status("OFF", must_stop=True)
+    usable(run, "#release")
+    assert page.locator("#arm").is_visible() and page.locator("#arm").is_disabled()
+    assert "Release the stop, then arm" in page.inner_text("#alarm-text")
+    assert page.get_attribute("#prompt", "placeholder") == "Torque is off: release the stop, then arm it"
+    run.status("OFF")
+    usable(run, "#arm")
+    assert page.locator("#release").is_hidden()
+
+
 def test_both_steps_back_are_shown_while_the_robot_lowers_itself(run: StandIn) -> None:
     """There was nothing to press and nothing that said what comes next."""
     told = {"headline": "Emergency stop pressed", "advice": "Look at `flexmotion status`."}
@@ -482,7 +495,8 @@ def test_an_emergency_stop_without_torque_is_confirmed(run: StandIn) -> None:
     run.status("OFF")
     run.until(lambda: run.page.inner_text("#state") == "torque off", "the state")
     run.page.get_by_role("button", name="EMERGENCY STOP").click()
-    run.until(lambda: "off already" in (run.page.text_content("#note") or ""), "the press to be confirmed")
+    told = "stays off until the fault is cleared"
+    run.until(lambda: told in (run.page.text_content("#note") or ""), "the press to be confirmed")
 
 
 def test_words_that_are_not_understood_offer_what_is(run: StandIn) -> None:

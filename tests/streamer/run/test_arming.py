@@ -173,9 +173,65 @@ def test_a_stop_before_the_start_leaves_torque_off_and_does_not_end_an_attended_
     run.session.armed = True
     with run.session as session:
         session.ask(asked)
-        assert session.advance(0.5) and session.state.ladder is State.OFF
+        assert session.advance(0.5)
+        assert session.state.ladder is (State.OFF if asked is Request.STOP else State.FAULT)
+        run.ask(Request.CLEAR)
         run.ask(Request.ARM)
-        assert session.state.ladder is State.READY
+        assert session.state.ladder is State.READY and not run.messages("refused")
+
+
+@pytest.mark.parametrize("asked", [Request.STOP, Request.ESTOP])
+@pytest.mark.parametrize("state", [State.OFF, State.PARK])
+def test_a_stop_without_torque_holds_until_it_is_cleared(state: State, asked: Request) -> None:
+    """It was accepted and latched nothing: the next ARM stood the robot up, which followed targets without a CLEAR."""
+    run = Attended()
+    with run.session as session:
+        if state is State.PARK:
+            run.ask(Request.ARM)
+            run.until_state(State.HOLD)
+            run.ask(Request.DISARM)
+            run.until_state(State.PARK)
+        run.ask(asked)
+        run.until_state(State.OFF if asked is Request.STOP else State.FAULT)
+        run.ask(Request.ARM)
+        assert session.state.ladder is (State.OFF if asked is Request.STOP else State.FAULT)
+        assert run.messages("refused")[-1].endswith("clear it first")
+        refused = run.answer(session.send(TURN).id)
+        wanted = "release the stop" if asked is Request.STOP else "clear the fault"
+        assert refused.state == "refused" and wanted in str(refused.reason) and "arm" in str(refused.reason)
+        run.ask(Request.CLEAR)
+        assert session.state.ladder is State.OFF and not session.telemetry.ticks.latest()["must_stop"]
+        run.ask(Request.ARM)
+        run.until(lambda: session.telemetry.ticks.latest()["ready"], "the robot to stand")
+        session.advance(1.0)
+        assert session.state.ladder is State.READY, "what the run was started with does not begin after a stop"
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        session.finish()
+
+
+def test_there_is_nothing_to_clear_without_torque_and_without_a_stop() -> None:
+    """A CLEAR in OFF was refused with what it does once the robot stands, which it does not."""
+    run = Attended()
+    with run.session as session:
+        session.advance(0.1)
+        run.ask(Request.CLEAR)
+        (told,) = run.messages("refused")
+        assert told == "CLEAR: the torque is off, and no stop is in force: there is nothing to clear"
+
+
+def test_a_run_of_which_the_time_is_over_is_cleared_all_the_same() -> None:
+    """With `--seconds` over, a CLEAR after a fault was answered as without effect, and the status told of a stop."""
+    run = Attended()
+    run.session.seconds = 1.0
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.STREAMING)
+        session.advance(3.0)
+        assert session.telemetry.ticks.latest()["must_stop"]
+        run.ask(Request.ESTOP)
+        run.until_state(State.FAULT)
+        run.ask(Request.CLEAR)
+        assert session.state.ladder is State.OFF and not session.telemetry.ticks.latest()["must_stop"]
 
 
 def test_while_a_joint_is_limp_the_robot_stands_and_says_why() -> None:
@@ -216,8 +272,12 @@ def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
         session.requests.send(Request.ARM, "page: arm")
         session.advance(0.1)
         assert session.state.ladder is State.OFF
+        session.requests.send(Request.CLEAR, "page: clear")
+        session.requests.send(Request.STOP, "zenoh")
+        session.advance(0.1)
+        run.ask(Request.CLEAR)
         run.ask(Request.ARM)
-        run.until_state(State.HOLD)
+        run.until(lambda: session.telemetry.ticks.latest()["ready"], "the robot to stand")
         run.ask(Request.STOP)
         session.requests.send(Request.CLEAR, "page: clear")
         session.requests.send(Request.STOP)
@@ -232,6 +292,7 @@ def test_what_a_stop_of_its_own_tick_overrides_is_answered_at_once() -> None:
         assert session.state.ladder is State.FAULT
     assert run.messages("refused") == [
         "ARM: overridden in its own tick by STOP from zenoh",
+        "CLEAR: overridden in its own tick by STOP from zenoh",
         "CLEAR: overridden in its own tick by STOP",
         "CLEAR: overridden in its own tick by KILL from gamepad",
     ]

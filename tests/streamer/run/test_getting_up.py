@@ -11,6 +11,9 @@ from flexmotion.configs.get_up import GetUp
 from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.simulated import lockstep
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.start_check import gets_up_from
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.intents import Velocity
 from flexmotion.streamer.run.requests import Request
 
 from .test_arming import TURN, Attended
@@ -35,8 +38,12 @@ class Fallen(Attended):
 
     @property
     def upright(self) -> bool:
-        _, x, y, _ = self.session.record.true_base[-1, 3:]
-        return bool(1 - 2 * (x * x + y * y) > 0.95)
+        return upright(self)
+
+
+def upright(run: Attended) -> bool:
+    _, x, y, _ = run.session.record.true_base[-1, 3:]
+    return bool(1 - 2 * (x * x + y * y) > 0.95)
 
 
 AHEAD, BACK, ASIDE = (1.6, 0.0), (-1.6, 0.0), (0.0, 3.2)
@@ -120,6 +127,55 @@ def test_the_end_of_the_run_ends_it_too() -> None:
         session.advance(2.0)
         session.finish()
     assert session.record.state[-1] == State.FAULT
+
+
+def test_a_simulated_robot_whose_torque_was_cut_in_mid_walk_stays_where_it_fell() -> None:
+    """It stood again 3 s after a KILL, held by nobody; asked to get up, as its attitude said, it threw itself over."""
+    run = Attended(picked_up_s=1.5)
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        session.send(Velocity(0.4, 0.0, 0.0))
+        session.advance(3.0)
+        run.ask(Request.KILL)
+        session.advance(6.0)
+        assert not upright(run)
+        run.ask(Request.GET_UP)
+        run.until_state(State.READY)
+        assert run.messages("done") == ["GET_UP"] and upright(run)
+
+
+def test_a_simulated_robot_that_tips_over_as_it_rests_is_set_up() -> None:
+    """No fall after the torque went off counted; that of a parked robot, which nobody has made fall, still does not."""
+    run = Attended(picked_up_s=1.5)
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        run.ask(Request.DISARM)
+        run.until_state(State.OFF)
+        driver = lockstep(session.driver)
+        assert driver is not None
+        driver.push((2.5, 0.0, 0.0), 0.2)  # type: ignore[attr-defined]
+        session.advance(1.0)
+        assert not upright(run)
+        session.advance(1.0)
+        assert upright(run)
+
+
+def test_one_that_was_just_set_up_does_not_get_up() -> None:
+    """The attitude follows over seconds: for four of them it still lay, and the motion threw a standing robot over."""
+    run = Fallen(AHEAD)
+    with run.session as session:
+        run.fall()
+        driver = lockstep(session.driver)
+        assert driver is not None
+        driver.place()  # type: ignore[attr-defined]
+        session.advance(0.5)
+        assert session.telemetry.ticks.latest()["tilt"][1] > 1.0, "the attitude says that it lies"
+        assert "how it lies is not known yet" in refused(run)
+        assert gets_up_from(session.robot, TickRow(session.telemetry.ticks.latest())) is None
+        session.advance(8.0)
+        assert "the robot does not lie" in refused(run)
 
 
 def refused(run: Attended) -> str:

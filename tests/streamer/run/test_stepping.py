@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,9 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.api import open_session
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.clip_library import ClipLibrary
-from flexmotion.streamer.motion.intents import Clip, Stop, Text
+from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
 from flexmotion.streamer.motion.script import Item
-from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.motion.sources import ClipSource, Source
 from flexmotion.streamer.outcome import outcome
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -75,9 +76,41 @@ def test_an_emergency_stop_freezes_at_the_next_tick() -> None:
 def test_a_source_that_follows_no_targets_refuses_them() -> None:
     with (
         open_session("op3", source=ClipSource(STEPS)) as session,
-        pytest.raises(ConfigError, match=r"follows no targets; a model or a clip library does"),
+        pytest.raises(ConfigError, match=r"follows no targets but a stand; a model or a clip library does"),
     ):
         session.send(Clip("wave"))
+
+
+@pytest.mark.parametrize("rest", [Stop(), Text("stop")])
+@pytest.mark.parametrize("source", [lambda: ClipSource(STEPS), library])
+def test_a_source_that_knows_no_stand_comes_to_one_all_the_same(source: Callable[[], Source], rest: Intent) -> None:
+    """A hold and "stop" were refused by a run that plays a clip, and the robot walked on."""
+    with open_session("op3", source=source(), stay=True) as session:
+        session.advance(2.5)
+        assert session.state.ladder is State.STREAMING
+        session.send(rest)
+        session.advance(2.5)
+        (heard,) = session.heard
+        assert (heard.state, heard.heard_as) == ("accepted", "stand")
+        assert heard.notes == (() if isinstance(session.source, ClipLibrary) else (f"{session.source.name} is over",))
+        assert session.state.ladder is State.HOLD and not session.telemetry.ticks.latest()["must_stop"]
+        session.advance(1.0)
+        assert session.state.ladder is State.HOLD, "the clip does not go on"
+        if isinstance(session.source, ClipLibrary):
+            session.send(Clip("wave"))
+            session.advance(0.5)
+            assert session.state.ladder is State.STREAMING
+    assert not session.record.violations_sent
+
+
+def test_a_run_of_one_clip_is_over_once_the_robot_was_told_to_stand() -> None:
+    """Its clip does not go on, so nothing could end it before its time limit, which is a fault."""
+    with open_session("op3", source=ClipSource(STEPS), stay=False) as session:
+        session.advance(2.0)
+        session.send(Stop())
+        while session.step():
+            assert session.state.time_s < 10.0
+    assert session.state.ladder is State.OFF and outcome(session).report.safety.faults == []
 
 
 @pytest.mark.parametrize(
