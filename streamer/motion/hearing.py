@@ -479,11 +479,11 @@ class Hearing:
         intent: Intent = Text(clause.text)
         condition = Condition(clause.text, pace=self.pace)
         slowed = self.speeds.slowed(condition)
-        manner = None if prompt.manner == NORMAL else prompt.manner
+        rhythm = self.model.rhythm(condition)
+        manner = None if prompt.manner == NORMAL or rhythm is not None else prompt.manner
         told = HeardStep(
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
         )
-        rhythm = self.model.rhythm(condition)
         step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told, rhythm=rhythm)
         # What is said in figures counts: "slowly at 0.3 m/s".
         if clause.rate is None and clause.speed != 1.0 and (turn or step.axis != (0, 0)):
@@ -551,7 +551,9 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
     manner = clause.manner if gesture or (on_the_spot and clause.speed > 1.0) else ""
-    return tuple(said for said in (manner, clause.degree if gesture else "") if said)
+    # A recipe has one manner, whatever the model's motions have.
+    ways = [] if step.rhythm is None else [phrase.text for phrase in manner_phrases(clause.text) if phrase.manner]
+    return tuple(said for said in (manner, clause.degree if gesture else "", *ways) if said)
 
 
 def _qualifies(clause: Clause) -> bool:
