@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import Plan, draw_plan
 from flexmotion.gestures.recipes import Gesture, recipes
+from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import LEFT, RIGHT
@@ -28,6 +29,9 @@ TURNS = 4
 
 SEED = 0
 """Of what a recipe leaves open: amplitudes and speeds within its spans."""
+
+SLOWEST = 0.3
+"""Least factor on its speed."""
 
 JOINING_S = 0.2
 """Time constant with which joints that were elsewhere come to the gesture [s]."""
@@ -42,6 +46,8 @@ class Rhythm:
         rest: joint angles that it begins from, (26,) [rad].
         size: poses of one repetition.
         usual: repetitions of it where a sequence does not say how many.
+        shortest: least duration of a stroke [s].
+        speed: factor on the speed of the recipe.
         frame: how many frames ago it began.
     """
 
@@ -49,6 +55,8 @@ class Rhythm:
     rest: Float
     size: int
     usual: int
+    shortest: float
+    speed: float = 1.0
     frame: int = 0
 
     @classmethod
@@ -65,11 +73,22 @@ class Rhythm:
         again = step.model_copy(update={"count": (TURNS + 1, TURNS + 1)})
         plan = draw_plan(gesture.model_copy(update={"steps": (again,)}), body, side, np.random.default_rng(SEED))
         # Arms and head are to be the same again at the same time.
-        return cls(replace(plan, lead=0.0), rest, len(step.names), sum(step.count) // 2)
+        return cls(replace(plan, lead=0.0), rest, len(step.names), sum(step.count) // 2, gesture.shortest)
 
     def later(self, frames: int) -> Rhythm:
         """The gesture so many frames later."""
         return replace(self, frame=self.frame + frames)
+
+    def paced(self, factor: float) -> Rhythm:
+        """The gesture, faster or slower by a factor, as far as its strokes go."""
+        briefest = min(stroke.end - stroke.start for stroke in self.plan.strokes)
+        factor = min(max(factor, SLOWEST / self.speed), max(briefest / self.shortest, 1.0))
+        start = self.plan.start
+        strokes = tuple(
+            Stroke(start + (stroke.start - start) / factor, start + (stroke.end - start) / factor)
+            for stroke in self.plan.strokes
+        )
+        return replace(self, plan=replace(self.plan, strokes=strokes), speed=self.speed * factor)
 
     def seconds(self, times: int) -> float:
         """Time from its begin until it is done so often, once or more [s]."""

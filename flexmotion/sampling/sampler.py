@@ -30,6 +30,7 @@ from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.rhythm import Rhythm, rhythms
 from flexmotion.sampling.tangent import tangent_of
+from flexmotion.text.clause_amounts import spoken_speed
 from flexmotion.text.prompt_reader import Prompt
 
 __all__ = ["Condition", "Sampler"]
@@ -121,7 +122,7 @@ class Sampler:
             condition: before it is `meant`.
         """
         kind = self.requests.rhythm(condition)
-        return None if kind is None else self._rhythms[kind]
+        return None if kind is None else self._rhythms[kind].paced(spoken_speed(condition.text or ""))
 
     @property
     def name(self) -> str:

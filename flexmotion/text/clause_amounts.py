@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 import math
+from functools import lru_cache
 from itertools import pairwise
 from math import pi
 
-from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
+from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token, tokens_of
 from flexmotion.text.paces import Speed
 from flexmotion.text.spelling import LEAST_LIKENESS
 from flexmotion.text.vocabulary import vocabulary
@@ -159,6 +160,12 @@ def _ending(tokens: list[Token], phrases: tuple[str, ...]) -> str | None:
     return next((phrase for phrase in phrases if tokens[-len(phrase.split()) :] == phrase.split()), None)
 
 
+@lru_cache(maxsize=64)
+def spoken_speed(sentence: str) -> float:
+    """The factor that the adverbs of a sentence put on the speed; 1 without any."""
+    return speed_of(tokens_of(sentence))[0]
+
+
 def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     """The factor that adverbs put on the speed, these adverbs, and the tokens without them."""
     known = vocabulary()
@@ -172,10 +179,10 @@ def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     rest: list[Token] = []
     for token in tokens:
         if isinstance(token, str) and token in speeds:
-            share = speeds[token]
-            manner.append(token)
+            share, manner = speeds[token], [*manner, token]
             while amplifier := _ending(rest, known.phrases("amplifiers")):
                 del rest[-len(amplifier.split()) :]
+                manner[-1] = f"{amplifier} {manner[-1]}"
                 strong, weak = amplifier in known.words("strong"), amplifier in known.words("weak")
                 share = share ** (2.0 if strong else 0.5 if weak else 1.0)
             factor *= share

@@ -38,6 +38,9 @@ from flexmotion.text.spelling import as_meant
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
+PACED = 0.1
+"""Least change of a gesture's speed that its adverb was done by."""
+
 
 class Hearing:
     """Maps intents to programs.
@@ -479,7 +482,9 @@ class Hearing:
         intent: Intent = Text(clause.text)
         condition = Condition(clause.text, pace=self.pace)
         slowed = self.speeds.slowed(condition)
-        rhythm = self.model.rhythm(condition)
+        if self.model.rhythm(condition) is not None:
+            intent = Text(f"{clause.text} {clause.manner}".strip())
+        rhythm = self.model.rhythm(Condition(intent.text)) if isinstance(intent, Text) else None
         manner = None if prompt.manner == NORMAL or rhythm is not None else prompt.manner
         told = HeardStep(
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
@@ -550,7 +555,8 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
         return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
-    manner = clause.manner if gesture or (on_the_spot and clause.speed > 1.0) else ""
+    paced = step.rhythm is not None and abs(step.rhythm.speed - 1.0) > PACED
+    manner = clause.manner if (gesture and not paced) or (on_the_spot and clause.speed > 1.0) else ""
     # A recipe has one manner, whatever the model's motions have.
     ways = [] if step.rhythm is None else [phrase.text for phrase in manner_phrases(clause.text) if phrase.manner]
     return tuple(said for said in (manner, clause.degree if gesture else "", *ways) if said)

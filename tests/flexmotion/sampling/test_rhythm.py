@@ -113,3 +113,15 @@ def test_the_time_of_some_repetitions_has_just_so_many(kind: str, times: int) ->
         rhythm._angles(np.array([at])) for at in (seconds, seconds + rhythm.seconds(TURNS + 1) - rhythm.seconds(1))
     )
     assert np.allclose(first, later, atol=1e-9), "strokes come again as they were"
+
+
+def test_it_is_done_slower_as_it_is_asked_and_faster_as_far_as_its_strokes_go(human: Motion) -> None:
+    """Slow nods were as quick as any, and "slowly" was told as left out."""
+    nod, clap = of("nod", human), of("clap", human)
+    assert nod.paced(0.6).seconds(3) == pytest.approx(nod.seconds(3) / 0.6)
+    assert 1.0 < nod.paced(1.4).speed <= 1.4
+    assert clap.paced(3.0).speed < 1.1, "its strokes are as brief as the recipe allows"
+    for factor in (0.3, 0.6, 2.0):
+        assert min(stroke.end - stroke.start for stroke in nod.paced(factor).plan.strokes) >= nod.shortest - 1e-9
+    slow, usual = (np.abs(np.diff(played(one, human, 8).joints[:, NECK[0]])).max() for one in (nod.paced(0.5), nod))
+    assert slow == pytest.approx(0.5 * usual, rel=0.1)
