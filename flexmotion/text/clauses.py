@@ -18,6 +18,7 @@ from flexmotion.text.clause_amounts import (
     speed_of,
     unread_number,
 )
+from flexmotion.text.no_walks import STAND_STILL, stand_note, unknown_way
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -48,6 +49,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if forbidding or _forbids(words):
         rest = plain(stripped([*NEGATES.sub(" ", sentence).split()]))
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
+    if part.refusal is None and (note := stand_note(tokens)) is not None:
+        return Clause(said, STAND_STILL, dropped=tuple(dropped), notes=(note,), joint=part.joint)
     plain_stop = taught().get(plain(tokens)) == STAND
     stops = words[:1] and words[0] in known.words("stop_verbs")
     refusal, condition = part.refusal or _no_speed([*rates, *tokens]) or refusal_of(words), condition_of(words)
@@ -90,7 +93,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(
             said, plain(tokens), refusal=f"{_unitless(tokens)!r}: the number has no unit that is known; {UNITS}"
         )
-    if (unread := unread_number(tokens)) is not None:
+    if (unread := unread_number(tokens) or unknown_way(words)) is not None:
         return Clause(said, plain(tokens), refusal=unread)
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:

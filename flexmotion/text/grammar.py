@@ -17,6 +17,7 @@ from flexmotion.text.clause_amounts import speed_of
 from flexmotion.text.clauses import clause_of
 from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
+from flexmotion.text.no_walks import STAND_STILL, stand_note
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import WITHOUT_TURNING
@@ -30,8 +31,10 @@ from flexmotion.text.wording import plain, stripped, taught
 def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
     sentence = reworded(sentence)
-    if taught().get(plain(tokens_of(sentence))) == STAND:
-        return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
+    stands, note = taught().get(plain(tokens_of(sentence))) == STAND, stand_note(tokens_of(sentence))
+    if stands or note is not None:
+        # "never mind the walking, quit it"; "careful, a step"
+        return (Clause(sentence, sentence if stands else STAND_STILL, notes=() if note is None else (note,)),)
     if is_question(sentence) and plain(tokens_of(sentence)) not in taught():
         return (Clause(sentence, sentence, refusal=QUESTION),)
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.

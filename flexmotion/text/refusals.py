@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from flexmotion.text.amounts import tokens_of
+from flexmotion.text.no_walks import no_walk
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.sayings import NOTHING
@@ -23,6 +24,8 @@ def refusal_of(words: list[str]) -> str | None:
     known = vocabulary()
     verb = next((word for word in words if word in known.verbs), None)
     text = f" {' '.join(words)} "
+    if other := no_walk(words):
+        return other
     if came := _FROM_SIDE.search(text):
         return f"{came[0].strip()!r}: a place: the robot knows none"
     if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):

@@ -214,6 +214,19 @@ def test_a_walk_to_who_says_it_is_told_to_go_straight_ahead(hearing: Hearing, sa
     assert heard.heard_as == "walk" and "does not know where you are" in heard.notes[0]
 
 
+@pytest.mark.parametrize("say", ["power off", "shut down", "turn yourself off", "go limp", "run out of power"])
+def test_words_of_switching_off_are_a_stand_whose_note_tells_that_torque_stays_on(hearing: Hearing, say: str) -> None:
+    """Went wrong: "power off" was accepted as a stand without a word, and "go limp" walked."""
+    heard = hear(hearing, say).heard
+    assert (heard.state, heard.heard_as) == ("accepted", STAND) and "torque stays on" in heard.notes[0]
+
+
+def test_a_walk_away_from_who_says_it_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
+    """Went wrong: "walk away from me" walked ahead, where the person stands, without the note of "come here"."""
+    reason = str(hear(hearing, "walk away from me").heard.reason)
+    assert "does not know where you are" in reason and "say 'walk back'" in reason
+
+
 def test_a_turn_to_a_thing_at_a_side_is_one_to_that_side(hearing: Hearing) -> None:
     """Went wrong: only the head turned."""
     heard = hear(hearing, "turn to face the window on your left").heard
