@@ -59,6 +59,7 @@ class Clause:
         side: of what is done again; None: as it was done.
         more: it asks for more of the motion before ("two more steps"); `text` is for a robot that has done none.
         verbless: it names no verb of its own.
+        on_the_spot: its turn is not to walk ahead, since the sentence forbids walks.
     """
 
     said: str
@@ -81,3 +82,4 @@ class Clause:
     side: str | None = None
     more: bool = False
     verbless: bool = False
+    on_the_spot: bool = False

@@ -28,7 +28,7 @@ def refusal_of(words: list[str]) -> str | None:
         return other
     if came := _FROM_SIDE.search(text):
         return f"{came[0].strip()!r}: a place: the robot knows none"
-    if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
+    if " where " in text and not in_place(text) and verb in known.words("walk_verbs") | known.words("turn_verbs"):
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
@@ -210,6 +210,16 @@ def is_turning(text: str) -> bool:
     """Whether the words of a prohibition name turns to both sides: "no turning", "don't turn around"."""
     words = text.split()
     return bool(words) and stem(words[0]) in vocabulary().words("turn_verbs") and not sides(text)
+
+
+def in_place(text: str) -> bool:
+    """Whether words say that the robot is to stay in its place: "on the spot"."""
+    return any(f" {phrase} " in f" {text} " for phrase in vocabulary().phrases("in_place"))
+
+
+def goes_ahead(text: str) -> bool:
+    """Whether the words of a turn name a way that it goes: "walk in a circle to the left"."""
+    return bool({stem(word) for word in text.split()} & (vocabulary().words("walking") | vocabulary().words("curves")))
 
 
 def names_head(text: str) -> bool:

@@ -66,6 +66,9 @@ def test_development_sentences_are_heard_as_meant(hearing: Hearing, row: dict[st
     assert heard.state == ("partly" if "dropped" in row else heard.state) != "refused", heard
     assert list(heard.dropped) == row.get("dropped", [])
     assert [step.kind for step in program.steps] == [kind for kind, *_ in row["does"]], heard
+    if "on_the_spot" in row:
+        turns = [step.intent for step in program.steps if step.turn]
+        assert turns and all(isinstance(one, Velocity) and (one.forward, one.left) == (0.0, 0.0) for one in turns)
     for step, (_, *amount) in zip(program.steps, row["does"], strict=True):
         if not amount:
             continue
