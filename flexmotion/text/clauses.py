@@ -105,7 +105,10 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if asks in (Asks.FASTER, Asks.SLOWER) and (amount is not None or counted):
         return Clause(said, "", refusal="a change of speed has no length, time or count of its own")
     if asks is not Asks.MOTION:
-        return Clause(said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes))
+        once = asks is Asks.AGAIN and plain(tokens) in ("", "more", *known.words("once_more"))
+        return Clause(
+            said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes), more=once
+        )
     if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words and not head:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)

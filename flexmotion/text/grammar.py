@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flexmotion.text.amounts import is_mark, tokens_of
+from flexmotion.text.amounts import Amount, Token, is_mark, tokens_of
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.clause_amounts import speed_of
 from flexmotion.text.clauses import clause_of
@@ -102,7 +102,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
             names.append(f"{clause.said!r} is taken for a name")
             continue
         own = [token for token in stripped(part.tokens) if isinstance(token, str) and not is_mark(token)]
-        clause = completed(clause, own, clauses[-1] if clauses else None)
+        clause = completed(clause, own, clauses[-1] if clauses else None, goes_on=part.tokens[:1] == ["and"])
         forbidding = clause.forbidden
         if clauses and clause.asks is clauses[-1].asks and clause.asks in (Asks.FASTER, Asks.SLOWER):
             clauses.pop()  # "that's too fast, slow down a bit" asks once
@@ -111,11 +111,20 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)
+    if len(clauses) > 1 and (count := _count_behind(tokens)) is not None and kind is None:
+        clauses[-1] = replace(clauses[-1], refusal=f"{count!r}: all of it or the last? say it in front of each")
     clauses[0] = replace(clauses[0], notes=(*names, *clauses[0].notes))
     if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]) and not clauses[0].dropped:
         # The listener gets the sentence as it was given.
         return (replace(clauses[0], said=sentence, text=sentence),)
     return tuple(clauses)
+
+
+def _count_behind(tokens: list[Token]) -> str | None:
+    """How often, behind the last comma of a sentence and alone ("…, twice"); None where nothing such ends it."""
+    *rest, last = stripped(tokens) or [""]
+    alone = isinstance(last, Amount) and last.quantity == "times" and rest[-1:] == [","]
+    return plain([last]) if alone else None
 
 
 def _with_adverbs(parts: list[Part]) -> list[Part]:

@@ -27,7 +27,7 @@ from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
-from flexmotion.text.ellipsis import other_limb, with_limb, with_side
+from flexmotion.text.ellipsis import BACK, FORWARD, other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
@@ -347,6 +347,11 @@ class Hearing:
                 if len(repeated) != 1 or clause.amount.quantity not in ("time", *fits(repeated[0])):
                     raise RefusedError(f"{clause.said!r}: what was done before has no {clause.amount.said!r}")
                 repeated = [self._measured(repeated[0], clause.amount, 1)]
+            counted = repeated[-1].amount if len(repeated) == 1 and clause.more else None
+            if counted is not None and counted.quantity == "times" and counted.said != NOT_SAID:
+                # "bow three times, then once more" is four bows.
+                single = Amount(float(clause.times), "times", clause.said)
+                return [self._measured(repeated[0], single, 1)]
             repeated = repeated * clause.times
             # A motion without an end has one where another follows it.
             ends = in_sequence or len(repeated) > 1
@@ -431,7 +436,8 @@ class Hearing:
         walks = step.turn != 0 or step.axis != (0, 0)
         if walks and vocabulary().words("limbs") & set(clause.said.split()):
             raise RefusedError(f"{clause.said!r}: {step.kind} is not a motion of the hands")
-        if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
+        ahead = step.kind == STAND or (not walks and clause.side in (BACK, FORWARD)) or step.kind == "velocity"
+        if ahead or not isinstance(step.intent, Text | Velocity):
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         spot = step.turn != 0 and isinstance(step.intent, Velocity) and step.intent.forward == 0.0
         asked = Clause(clause.said, with_side(step.told.text, clause.side), on_the_spot=spot)
