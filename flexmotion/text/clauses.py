@@ -27,8 +27,12 @@ from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbou
 from flexmotion.text.relative import asked_change, change_factor, repeated_motion
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped
+from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, stem, stripped, taught, taught_words
+
+UNSEEN = "the robot does not know where you are"
+"""Of a walk or a turn to who says it."""
 
 
 def clause_of(part: Part, forbidding: bool) -> Clause | None:
@@ -86,6 +90,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         amount = None
     if amount is None and not counted:
         amount, tokens = little_of(tokens)
+    if amount is None and not counted and posture is not None and tokens == ["step"]:
+        amount = Amount(1.0, "steps", "step")  # "step with your left foot"
     if amount is not None and amount.rough:
         notes.append(f"{amount.said!r} is taken as {amount}")
     bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
@@ -123,8 +129,12 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
     places = destinations(words)
-    if _comes(own):
-        notes.append("the robot does not know where you are: it walks straight ahead")
+    if _comes(own) and own[0] in known.words("turn_verbs"):
+        told = amount is not None or (sides(" ".join(own)) and "side" not in own)
+        notes.append(f"{UNSEEN}: it turns {'to the side that is said' if amount is None else amount}")
+        refusal = refusal or (None if told else f"{UNSEEN}; say for example 'turn left 90 degrees'")
+    elif _comes(own):
+        notes.append(f"{UNSEEN}: it walks straight ahead")
     if own[:3] == ["turn", "to", "face"] and words != own:
         notes.append(f"taken as {' '.join(words)!r}: the robot knows no places")
     if amount is None:
@@ -169,7 +179,7 @@ def _comes(words: list[str]) -> bool:
         return True
     walks = bool(words) and words[0] in known.words("walk_verbs") | known.words("paths")
     toward = zip(words, words[1:], strict=False)
-    return walks and any(one in ("to", "towards", "toward") and who in ("me", "us") for one, who in toward)
+    return walks and any(one in ("to", "towards", "toward", "on") and who in ("me", "us") for one, who in toward)
 
 
 def _no_speed(tokens: Sequence[Token]) -> str | None:

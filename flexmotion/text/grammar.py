@@ -21,7 +21,7 @@ from flexmotion.text.no_walks import STAND_STILL, stand_note
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import WITHOUT_TURNING
-from flexmotion.text.questions import QUESTION, is_question
+from flexmotion.text.questions import QUESTION, REPORT, is_question, is_report
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.vocabulary import vocabulary
@@ -37,6 +37,8 @@ def parse(sentence: str) -> tuple[Clause, ...]:
         return (Clause(sentence, sentence if stands else STAND_STILL, notes=() if note is None else (note,)),)
     if is_question(sentence) and plain(tokens_of(sentence)) not in taught():
         return (Clause(sentence, sentence, refusal=QUESTION),)
+    if is_report(sentence) and plain(tokens_of(sentence)) not in taught():
+        return (Clause(sentence, sentence, refusal=REPORT),)
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
     found = _parsed(_with_names(sentence, phrases))

@@ -15,8 +15,18 @@ from flexmotion.text.wording import plain, stem, taught
 
 _FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) (?!to )")
 """Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
+ONE_WAY = "the robot walks ahead, back or to a side; say which comes first, with 'then'"
+"""Refusal of a walk between two directions."""
+_BESIDE_WAYS = frozenset(["and", "to", "towards", "the", "your", "side", "then", "a", "bit", "little"])
 _INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next) [a-z]+")
 """One of several repetitions: "on the second bow"."""
+
+_WRONG_LIMB = re.compile(r" wrong (hand|arm|foot|leg|side|way) ")
+_ARMS = r"(?:your |the )?(?:both |both of your )?(?:arms|hands)"
+_ARMS_OUT = re.compile(rf"(?:hold|put|stick|reach|keep|get|have) (?:{_ARMS} out|out {_ARMS})")
+"""Forward, or to the sides."""
+_FAR = re.compile(r"(?:half |double |twice )?as (?:far|long|much|often|many|high|wide)")
+"""An amount of the motion before: "twice as far"."""
 
 
 def refusal_of(words: list[str]) -> str | None:
@@ -43,6 +53,12 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if part := _moved_trunk(words, text):
         return f"{part!r}: no motion of it alone; say 'turn left 30 degrees', and the whole robot turns"
+    if wrong := _WRONG_LIMB.search(text):
+        return f"which {wrong[1]}? say left or right"
+    if _ARMS_OUT.fullmatch(text.strip()):
+        return "to where? say 'stretch both arms forward' or 'spread your arms'"
+    if _FAR.fullmatch(text.strip()):
+        return "how much is that? say it in metres, steps, degrees, seconds or times"
     if _moves_arm(words):
         return "say what the arm does: raise it, lower it, hold it out, stretch it, wave or point"
     if target := _unknown_target(words, text):
@@ -123,10 +139,26 @@ def unbounded(condition: str | None, destination: str | None) -> str | None:
     return None if destination is None else f"{destination!r}: a place: the robot knows none, and would go on"
 
 
+def _between_ways(words: list[str]) -> str | None:
+    """Why a walk is none that the robot could make: it is ahead or back, and to a side, at once; None: it is not."""
+    known = vocabulary()
+    walks = known.words("walk_verbs") | known.words("paths")
+    if words[:1] == [] or words[0] in known.words("turn_verbs"):
+        return None
+    if words[0] in walks and (slanted := [word for word in words[1:] if word in known.words("slanted")]):
+        return f"{slanted[0]!r}: {ONE_WAY}"
+    rest = set(words[1:] if words[0] in walks - known.words("directions") else words)
+    straight = (known.words("onward") | known.words("backward")) & rest
+    between = straight and len(sides(" ".join(words))) == 1 and rest <= known.words("directions") | _BESIDE_WAYS
+    return f"two directions at once: {ONE_WAY}" if between else None
+
+
 def _walking_refusal(words: list[str], text: str) -> str | None:
     """Why a walk or a turn is none that the robot could make."""
     known = vocabulary()
     first = words[0] if words else ""
+    if between := _between_ways(words):
+        return between
     steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
     if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
         steps = True  # its steps are counted: "make four steps on the spot"

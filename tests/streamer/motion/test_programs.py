@@ -230,6 +230,12 @@ def test_a_walk_away_from_who_says_it_is_refused_with_what_can_be_said(hearing: 
     assert "does not know where you are" in reason and "say 'walk back'" in reason
 
 
+def test_a_turn_to_who_says_it_is_told_as_the_turn_that_it_is(hearing: Hearing) -> None:
+    """Went wrong: the note of "turn your back to me", half a turn, was "it walks straight ahead"."""
+    heard = hear(hearing, "turn your back to me").heard
+    assert heard.notes == ("the robot does not know where you are: it turns 180°",)
+
+
 def test_a_turn_to_a_thing_at_a_side_is_one_to_that_side(hearing: Hearing) -> None:
     """Went wrong: only the head turned."""
     heard = hear(hearing, "turn to face the window on your left").heard
