@@ -75,6 +75,10 @@ def counts_nothing(tokens: list[Token]) -> bool:
     feet = tokens[:1] != [] and tokens[0] in known.words("paths")
     uncounted = known.words("directions") | known.words("hedges") | known.words("limb_places")
     opens = known.verbs | known.words("directions") | known.words("hedges")
+    numbers = known.table["numbers"]
+    ways = known.words("directions") | {"to", "the", "your", "and", *numbers}
+    if tokens[:1] and tokens[0] in numbers and tokens[1:] and {*tokens[1:]} <= ways:
+        return True  # "two back", "one forward, one back"
     limbs = {limb for names in known.table["limb_groups"].values() for limb in names}
     for place, token in enumerate(tokens[1:], 1):
         if token not in known.table["numbers"] or tokens[place - 1] not in opens:

@@ -99,7 +99,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(
             said, plain(tokens), refusal=f"{_unitless(tokens)!r}: the number has no unit that is known; {UNITS}"
         )
-    if (unread := unread_number(tokens) or unknown_way(words)) is not None:
+    if (unread := unread_number(tokens)) is not None:
         return Clause(said, plain(tokens), refusal=unread)
     asks, factor = _asked(said, tokens, amount, part.joint, counted)
     if asks is Asks.MOTION and amount is None and (named := repeated_motion(plain(tokens))) is not None:
@@ -115,6 +115,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(
             said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes), more=once
         )
+    if (other := unknown_way(words)) is not None:
+        return Clause(said, plain(tokens), refusal=other)
     if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words and not head:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)

@@ -98,12 +98,11 @@ def _other_complement(words: list[str]) -> str | None:
     if not rest:
         return None
     first, text = rest[0], " ".join(rest)
+    if any(f"{text} ".startswith(f"{phrase} ") for phrase in known.phrases("amplifiers")):
+        return None
     if first in _DETERMINERS:
         nouns = known.words("ways_nouns") | known.words("directions") | known.words("room_things")
         return None if nouns & set(rest) else text
-    fits = (
-        first in known.words("ways_on") | known.words("directions") | known.words("hedges")
-        or stem(first) in known.verbs
-    )
-    fits = fits or any(f"{text} ".startswith(f"{phrase} ") for phrase in known.phrases("amplifiers"))
-    return None if fits or sides(first) or first.startswith("inthatmanner") else text
+    fits = first in known.words("ways_on") | known.words("directions") | known.words("hedges")
+    fits = fits or stem(first) in known.verbs or bool(sides(first)) or first.startswith("inthatmanner")
+    return None if fits else text

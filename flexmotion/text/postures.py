@@ -37,7 +37,7 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
         if waves and tokens[part + 1 : part + 2] not in (["on"], ["behind"]):
             continue  # "wave with your hand up high" says how it waves
         end = part + 1 if tokens[part] in legs else _end(tokens, part + 1)
-        if held and end == part + 1:
+        if held and end == part + 1 and "like" not in tokens[:place]:  # "like someone with an injured knee"
             return [*tokens[:place], *tokens[end:]], plain(tokens[place:end])  # "with raised hands"
         if part == place + 1 and tokens[part] not in legs and not _poses(_word(tokens, part + 1)):
             continue

@@ -17,6 +17,8 @@ _FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) 
 """Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
 ONE_WAY = "the robot walks ahead, back or to a side; say which comes first, with 'then'"
 """Refusal of a walk between two directions."""
+SAY_HOW_MUCH = "say it in metres, steps, degrees, seconds or times"
+"""Behind an amount that is none."""
 _BESIDE_WAYS = frozenset(["and", "to", "towards", "the", "your", "side", "then", "a", "bit", "little"])
 _INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next) [a-z]+")
 """One of several repetitions: "on the second bow"."""
@@ -58,7 +60,7 @@ def refusal_of(words: list[str]) -> str | None:
     if _ARMS_OUT.fullmatch(text.strip()):
         return "to where? say 'stretch both arms forward' or 'spread your arms'"
     if _FAR.fullmatch(text.strip()):
-        return "how much is that? say it in metres, steps, degrees, seconds or times"
+        return f"how much is that? {SAY_HOW_MUCH}"
     if _moves_arm(words):
         return "say what the arm does: raise it, lower it, hold it out, stretch it, wave or point"
     if target := _unknown_target(words, text):
@@ -139,6 +141,22 @@ def unbounded(condition: str | None, destination: str | None) -> str | None:
     return None if destination is None else f"{destination!r}: a place: the robot knows none, and would go on"
 
 
+def _unmeasured(words: list[str], text: str) -> str | None:
+    """Why a walk or a turn has no amount although its words say one ("a lot", "north"); None: they say none."""
+    known = vocabulary()
+    feet = known.words("paths") | known.words("walk_verbs") | known.words("turn_verbs")
+    if words[:1] == [] or words[0] not in feet or text.strip() in taught():
+        return None
+    if compass := [word for word in words if word in known.words("compass")]:
+        return f"{compass[0]!r}: the robot has no compass; say for example 'turn left 90 degrees'"
+    for phrase in known.phrases("unmeasured"):
+        after = text.partition(f" {phrase} ")[2].split()
+        changes = bool(after) and (after[0].endswith(("er", "ly")) or after[0] in ("more", "less", "too"))
+        if f" {phrase} " in text and not changes:
+            return f"{phrase!r}: how much is that? {SAY_HOW_MUCH}"
+    return f"'some': how much is that? {SAY_HOW_MUCH}" if words[-1] == "some" else None
+
+
 def _between_ways(words: list[str]) -> str | None:
     """Why a walk is none that the robot could make: it is ahead or back, and to a side, at once; None: it is not."""
     known = vocabulary()
@@ -159,6 +177,8 @@ def _walking_refusal(words: list[str], text: str) -> str | None:
     first = words[0] if words else ""
     if between := _between_ways(words):
         return between
+    if unsaid := _unmeasured(words, text):
+        return unsaid
     steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
     if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
         steps = True  # its steps are counted: "make four steps on the spot"
