@@ -130,6 +130,9 @@ def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
             continue
         end = place + len(phrase.split())
         following = tokens[end] if end < len(tokens) else ""
+        after = tokens[end + 1] if end + 1 < len(tokens) else ""
+        if following in ("more", "further", "farther") and not (isinstance(after, str) and after[-2:] in ("ly", "er")):
+            end, following = end + 1, after  # "a bit more to the left"
         changes = isinstance(following, str) and (following in known.table["speeds"] or following[-2:] in ("er", "ly"))
         if not (turns or walks) or changes or following in ("more", "less"):
             return None, tokens

@@ -6,7 +6,9 @@ import re
 from dataclasses import replace
 from functools import lru_cache
 
+from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import UNITS, Asks, Clause
+from flexmotion.text.numbers import number_at
 from flexmotion.text.refusals import needs_head
 from flexmotion.text.sides import LEFT, mirrored, sides
 from flexmotion.text.vocabulary import vocabulary
@@ -105,6 +107,8 @@ def completed(clause: Clause, words: list[str], before: Clause | None, goes_on: 
         if before is not None and asked:
             return _like(clause, before, with_side(before.text, side))
         return clause
+    if before is not None and asked and clause.verbless and (counted := _counted(clause, before)) is not None:
+        return replace(clause, amount=counted, times=1, counted=False)  # "step back once, then forward twice"
     if before is not None and asked and clause.verbless and needs_head(before.text.split()):
         return _looking_on(clause, words, before)
     if before is not None and asked and _returns(clause, before):
@@ -140,16 +144,28 @@ def _are_alike(clause: Clause, wrong: Clause) -> bool:
 
 def _like(clause: Clause, before: Clause, text: str) -> Clause:
     """The clause as a motion with these words, as much of it as it says, or as of the one before."""
+    counted = _counted(clause, before)
     return replace(
         clause,
         text=text,
         asks=Asks.MOTION,
-        amount=clause.amount or before.amount,
-        times=clause.times if clause.counted else before.times,
-        counted=clause.counted or before.counted,
+        amount=counted or clause.amount or before.amount,
+        times=1 if counted else clause.times if clause.counted else before.times,
+        counted=counted is None and (clause.counted or before.counted),
         speed=before.speed,
         refusal=None,
     )
+
+
+def _counted(clause: Clause, before: Clause) -> Amount | None:
+    """As many as a request counts of what the one before it counts: "step left twice, then right once"."""
+    if before.amount is None or " times" not in before.amount.said or not clause.counted or clause.amount is not None:
+        return None
+    number = number_at(before.amount.said.split(), 0)
+    if number is None:
+        return None
+    value = before.amount.value / number.value * clause.times
+    return replace(before.amount, value=value, said=f"{clause.times} times")
 
 
 def _goes(clause: Clause) -> bool:

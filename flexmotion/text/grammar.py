@@ -25,7 +25,7 @@ from flexmotion.text.questions import QUESTION, REPORT, is_question, is_report
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stripped, taught
+from flexmotion.text.wording import STAND_IN, plain, stripped, taught
 
 
 def parse(sentence: str) -> tuple[Clause, ...]:
@@ -78,7 +78,7 @@ def _with_manner(clause: Clause) -> Clause:
 
 def _name(number: int) -> str:
     """A word that means nothing, for phrase `number`."""
-    return "inthatmanner" + "x" * number + "y"
+    return STAND_IN + "x" * number + "y"
 
 
 def _parsed(sentence: str) -> tuple[Clause, ...]:

@@ -10,13 +10,19 @@ from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stem, stripped, taught
+from flexmotion.text.wording import STAND_IN, plain, stem, stripped, taught
 
 STAND_STILL = "stand still"
 """Words of a stand, as every listener knows them."""
 
 _LETS_GO = re.compile(
-    r"(?:let (?:(?:me|him|her|us|it|them|this|that|my \w+) )?go(?: (?:of .+|now|again))?|set (?:me|it|him|her) free)"
+    r"(?:let (?:(?:me|him|her|us|it|them|this|that|my \w+) )?go(?: (?:of .+|now|again))?"
+    r"|set (?:me|it|him|her) free|free (?:me|him|her|us|it|my .+|yourself)"
+    r"|give me (?:back )?my (?:hand|arm)(?: back)?)"
+)
+_AT_SOMEONE = re.compile(
+    r"\b(?:at|on|over|into|through|past|before|ahead of|in front of)"
+    r" (?:me|him|her|us|them|someone|somebody|people|everyone)\b"
 )
 _ADVERBS = frozenset(["very", "really", "so", "quite", "all"])
 """Beside those in "-ly", of what follows: "go completely limp"."""
@@ -44,7 +50,10 @@ def no_walk(words: list[str]) -> str | None:
     if _LETS_GO.fullmatch(text) or words[0] in known.words("releasing"):
         return "the robot holds on to nothing; say 'lower your arms'"
     if _leaves(words):
-        return "'away': the robot does not know where you are; say 'walk back' or 'walk forward'"
+        whose = "you are" if {"me", "us"} & set(words) else "that is"
+        return f"'away': the robot does not know where {whose}; say 'walk back' or 'walk forward'"
+    if (place := _at_someone(words)) is not None:
+        return f"{place!r}: the robot does not know where that is; say 'walk forward', or to which side"
     if _asks_less(words):
         return "how much is less? say it, as in 'walk 2 metres'"
     return None
@@ -56,14 +65,11 @@ def unknown_way(words: list[str]) -> str | None:
     Args:
         words: of a request whose amounts have been read.
     """
-    if (
-        words[:1]
-        and words[0] in ("go", "run", "walk")
-        and " ".join(words) not in taught()
-        and (other := _other_complement(words[1:]))
-    ):
-        return f"{other!r} is no way to walk or to run that is known; say for example '{words[0]} forward'"
-    return None
+    if words[:1] == [] or words[0] not in ("go", "run", "walk") or " ".join(words) in taught():
+        return None
+    other = _other_complement(words[1:])
+    tries = f"say for example '{words[0]} forward'"
+    return None if other is None else f"{other!r} is no way to walk or to run that is known; {tries}"
 
 
 def _leaves(words: list[str]) -> bool:
@@ -75,12 +81,21 @@ def _leaves(words: list[str]) -> bool:
     return goes and words[0] in known.words("leaving") and not told & set(words)
 
 
+def _at_someone(words: list[str]) -> str | None:
+    """Where a walk is to go by words of somebody's place ("in front of me", "over him"); None: it names none."""
+    known = vocabulary()
+    if words[0] not in known.words("paths") | {"come", "move", "get"} or known.words("limbs") & set(words):
+        return None  # "move your hand as if waving at someone"
+    found = _AT_SOMEONE.search(" ".join(words[1:]))
+    return None if found is None else found[0]
+
+
 def _asks_less(words: list[str]) -> bool:
     """Whether words ask for less of a walk or a turn, or less than some of it: "less walking", "walk less than"."""
     known = vocabulary()
     feet = known.words("paths") | known.words("turn_verbs")
     for place, word in enumerate(words):
-        if word not in ("less", "fewer"):
+        if word not in ("less", "fewer", "under", "below"):
             continue
         after = words[place + 1] if place + 1 < len(words) else ""
         counted = stem(after) in feet or known.units.get(after, ("",))[0] in ("steps", "angle")
@@ -104,5 +119,5 @@ def _other_complement(words: list[str]) -> str | None:
         nouns = known.words("ways_nouns") | known.words("directions") | known.words("room_things")
         return None if nouns & set(rest) else text
     fits = first in known.words("ways_on") | known.words("directions") | known.words("hedges")
-    fits = fits or stem(first) in known.verbs or bool(sides(first)) or first.startswith("inthatmanner")
+    fits = fits or stem(first) in known.verbs or bool(sides(first)) or first.startswith(STAND_IN)
     return None if fits else text

@@ -7,7 +7,7 @@ from functools import lru_cache
 from flexmotion.text.amounts import Amount, Token
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, plain, stem
+from flexmotion.text.wording import STAND_IN, begins, plain, stem
 
 _SHORTEST_HELD = 4
 """Letters that a word in "-ed" or "-ing" has more than, if it tells how a part of the body is held."""
@@ -37,7 +37,10 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
         if waves and tokens[part + 1 : part + 2] not in (["on"], ["behind"]):
             continue  # "wave with your hand up high" says how it waves
         end = part + 1 if tokens[part] in legs else _end(tokens, part + 1)
-        if held and end == part + 1 and "like" not in tokens[:place]:  # "like someone with an injured knee"
+        manner = any(isinstance(token, str) and token.startswith(STAND_IN) for token in tokens[:place])
+        if held and manner:
+            continue  # "walk like someone with an injured knee"
+        if held and end == part + 1:
             return [*tokens[:place], *tokens[end:]], plain(tokens[place:end])  # "with raised hands"
         if part == place + 1 and tokens[part] not in legs and not _poses(_word(tokens, part + 1)):
             continue

@@ -10,7 +10,7 @@ from flexmotion.text.wording import stem
 QUESTION = "a question: the robot gives no answers; say what it is to do"
 """Refusal of a question in which a listener may hear a motion."""
 
-REPORT = "it tells of a motion that is over, and asks for none; say what the robot is to do"
+REPORT = "it tells of something, and asks for no motion; say what the robot is to do"
 """Refusal of a report."""
 
 _SUBJECT = r"(?:you|i|we|it|he|she|they|the|this|that|there|your|my|anyone|anybody|somebody|someone)"
@@ -41,10 +41,13 @@ _REPORT = re.compile(
     r"(?:(?:just|also|then|only|already|once|never)\s)?(?P<verb>\w+)\b.*",
     re.IGNORECASE | re.DOTALL,
 )
+_THERE_IS = re.compile(r"there(?:['’]s|['’]re|\s(?:is|are|was|were))\s[^,;:]+", re.IGNORECASE)
 
 
 def is_report(sentence: str) -> bool:
-    """Whether a sentence tells in the past tense what someone did. Captions ("a person waves") are none."""
+    """Whether a sentence tells what someone did, or what there is. Captions ("a person waves") are none."""
+    if _THERE_IS.fullmatch(sentence.strip()):
+        return True
     found = _REPORT.fullmatch(sentence.strip())
     if found is None:
         return False

@@ -27,8 +27,8 @@ _WRONG_LIMB = re.compile(r" wrong (hand|arm|foot|leg|side|way) ")
 _ARMS = r"(?:your |the )?(?:both |both of your )?(?:arms|hands)"
 _ARMS_OUT = re.compile(rf"(?:hold|put|stick|reach|keep|get|have) (?:{_ARMS} out|out {_ARMS})")
 """Forward, or to the sides."""
-_FAR = re.compile(r"(?:half |double |twice )?as (?:far|long|much|often|many|high|wide)")
-"""An amount of the motion before: "twice as far"."""
+_FAR = re.compile(r"(?<!\w)as (?:far|long|much|often|many)$")
+"""Ends an amount of the motion before: "twice as far"."""
 
 
 def refusal_of(words: list[str]) -> str | None:
@@ -59,7 +59,7 @@ def refusal_of(words: list[str]) -> str | None:
         return f"which {wrong[1]}? say left or right"
     if _ARMS_OUT.fullmatch(text.strip()):
         return "to where? say 'stretch both arms forward' or 'spread your arms'"
-    if _FAR.fullmatch(text.strip()):
+    if _FAR.search(text.strip()):
         return f"how much is that? {SAY_HOW_MUCH}"
     if _moves_arm(words):
         return "say what the arm does: raise it, lower it, hold it out, stretch it, wave or point"
@@ -154,7 +154,7 @@ def _unmeasured(words: list[str], text: str) -> str | None:
         changes = bool(after) and (after[0].endswith(("er", "ly")) or after[0] in ("more", "less", "too"))
         if f" {phrase} " in text and not changes:
             return f"{phrase!r}: how much is that? {SAY_HOW_MUCH}"
-    return f"'some': how much is that? {SAY_HOW_MUCH}" if words[-1] == "some" else None
+    return f"{words[-1]!r}: how much is that? {SAY_HOW_MUCH}" if words[-1] in ("some", "half") else None
 
 
 def _between_ways(words: list[str]) -> str | None:
@@ -179,6 +179,13 @@ def _walking_refusal(words: list[str], text: str) -> str | None:
         return between
     if unsaid := _unmeasured(words, text):
         return unsaid
+    if (
+        words[1:2] in (["over"], ["aside"])
+        and first in known.words("aside_verbs")
+        and len(words) == 2
+        and not sides(text)
+    ):
+        return f"{words[1]!r}: to the left or to the right?"
     steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
     if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
         steps = True  # its steps are counted: "make four steps on the spot"
@@ -266,7 +273,8 @@ def is_turning(text: str) -> bool:
 
 def in_place(text: str) -> bool:
     """Whether words say that the robot is to stay in its place: "on the spot"."""
-    return any(f" {phrase} " in f" {text} " for phrase in vocabulary().phrases("in_place"))
+    words = " ".join(re.findall(r"[\w']+", text))  # "stay where you are, turn left"
+    return any(f" {phrase} " in f" {words} " for phrase in vocabulary().phrases("in_place"))
 
 
 def goes_ahead(text: str) -> bool:

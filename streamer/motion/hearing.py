@@ -336,7 +336,8 @@ class Hearing:
             told = prompt.warning if clause.refusal in (NO_KNOWN_WORD, QUESTION) and not prompt.known else None
             raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
-            repeated = before[-1:] if before else list(last.steps) if last is not None else []
+            moved = [step for step in before if step.kind != STAND][-1:] or before[-1:]  # "bow, wait, then again"
+            repeated = moved if before else list(last.steps) if last is not None else []
             if clause.text:
                 repeated = self._named(clause, [*(() if last is None else last.steps), *before])
             if not repeated:
