@@ -25,6 +25,7 @@ class Task:
     goes_on: bool = False
     dropped: tuple[str, ...] = ()
     speed: str | None = None
+    on_the_spot: bool = False
     expect: tuple[str, ...] = ()
     screen: bool = False
     bundle: str | None = None

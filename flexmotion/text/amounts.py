@@ -41,6 +41,9 @@ _LATER = ("after", "later", "before", "then", "afterwards", "beforehand")
 
 _JOINTS = ("and", "or", "to", "of", "more", "then", "further", "extra", "additional", "point", "dozen")
 
+_JOINED_ONCE = ("more", "again", "you", "you've")
+"""Words behind "once" that make it another phrase."""
+
 LEAST_BARE = 15.0
 """A number without a unit behind "turn" is an angle from here on [degrees]; a smaller one in words is a word."""
 
@@ -144,9 +147,8 @@ def tokens_of(sentence: str) -> list[Token]:
             found.append(words[place])
             place += 1
             continue
-        token, used = speed_at(words, place) or _amount(words, place)
-        same = _same_unit(words, place, found)
-        found.append(token if same is None else same)
+        token, used = _same_unit(words, place, found) or speed_at(words, place) or _amount(words, place)
+        found.append(token)
         _join_range(found)
         place += used
         if (rate := _rate_at(words, place, found)) is not None:
@@ -282,18 +284,38 @@ def _no_directions() -> frozenset[str]:
     )
 
 
-def _same_unit(words: list[str], place: int, before: list[Token]) -> Amount | None:
-    """The amount that "one" is in "one step to the left and one to the right"; None where it is none."""
-    known = vocabulary().table
+def _same_unit(words: list[str], place: int, before: list[Token]) -> tuple[Amount, int] | None:
+    """An amount without its unit, which is that of the one before, and how many words it takes; None where it is none.
+
+    As in "one step to the left and one to the right", "30 degrees left, then right 60", "two steps, and another one".
+    """
+    known = vocabulary()
     earlier = next((token for token in reversed(before) if isinstance(token, Amount)), None)
-    joined = place > 0 and words[place - 1] in ("and", "then", ",")
-    if earlier is None or earlier.quantity not in ("steps", "length") or not joined:
+    if earlier is None or place == 0:
         return None
-    after = " ".join(words[place + 1 : place + 4])
-    if words[place] not in known["numbers"] or not any(after.startswith(way) for way in known["ways"]):
+    another = words[place] == "another"
+    number = number_at(words, place + another) if place + another < len(words) else None
+    if number is None or number.article or not number.value:
+        return None
+    end = place + another + number.used
+    more = another or words[end : end + 1] == ["more"]
+    end += more and not another
+    joints = ("and", "then", "plus", *_MARKS)
+    ends = end == len(words) or words[end] in joints
+    follows = words[place - 1] in joints
+    behind = place > 1 and words[place - 1] in known.words("directions") and words[place - 2] in joints and ends
+    after = f"{' '.join(words[end : end + 3])} "
+    way = follows and any(after.startswith(f"{way} ") for way in (*known.table["ways"], "with"))
+    if not (way or behind or (follows and more and ends)):
         return None
     unit = earlier.value / max(_unit_count(earlier), 1e-9)
-    return Amount(float(known["numbers"][words[place]]) * unit, earlier.quantity, words[place])
+    name = earlier.said.split()[-1]
+    if earlier.quantity == "angle":
+        if name in known.table["revolutions"] or name not in known.units:
+            return None  # "half a turn left, then one right"
+    elif number.value >= LEAST_BARE or (earlier.quantity == "times" and not more):
+        return None  # "two steps, then 90 left"
+    return Amount(number.value * unit, earlier.quantity, " ".join(words[place:end]), number.rough), end - place
 
 
 def _unit_count(amount: Amount) -> float:
@@ -315,7 +337,7 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
             return replace(token, value=-token.value, said=f"{words[place]} {token.said}"), used + 1
     word, before = words[place], words[place - 1] if place else ""
     after = words[place + 1] if place + 1 < len(words) else ""
-    if word in known.table["counts"] and before != "at" and after not in ("more", "again", "you", "you've"):
+    if word in known.table["counts"] and before != "at" and (word != "once" or after not in _JOINED_ONCE):
         return Amount(float(known.table["counts"][word]), "times", word), 1
     number = number_at(words, place)
     if number is None:

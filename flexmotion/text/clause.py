@@ -56,9 +56,11 @@ class Clause:
         degree: how large it is to be, if it is a gesture ("a little", "very deeply").
         needs_head: whether only a motion of the head or the eyes does it.
         until_told: it says that it goes on until something else is said.
-        side: of what is done again; None: as it was done.
-        more: it asks for more of the motion before ("two more steps"); `text` is for a robot that has done none.
+        side: of what is done again, or `BACK`, `FORWARD`; None: as it was done.
+        more: it asks for more of the motion before ("two more steps"); `text` is for a robot that has done none. Of
+            what is done again: `times` counts single ones of a counted motion.
         verbless: it names no verb of its own.
+        on_the_spot: its turn is not to walk ahead, since the sentence forbids walks.
     """
 
     said: str
@@ -81,3 +83,4 @@ class Clause:
     side: str | None = None
     more: bool = False
     verbless: bool = False
+    on_the_spot: bool = False

@@ -76,6 +76,10 @@ def counts_nothing(tokens: list[Token]) -> bool:
     feet = tokens[:1] != [] and tokens[0] in known.words("paths")
     uncounted = known.words("directions") | known.words("hedges") | known.words("limb_places")
     opens = known.verbs | known.words("directions") | known.words("hedges")
+    numbers = known.table["numbers"]
+    ways = known.words("directions") | {"to", "the", "your", "and", *numbers}
+    if tokens[:1] and tokens[0] in numbers and tokens[1:] and {*tokens[1:]} <= ways:
+        return True  # "two back", "one forward, one back"
     limbs = {limb for names in known.table["limb_groups"].values() for limb in names}
     for place, token in enumerate(tokens[1:], 1):
         if token not in known.table["numbers"] or tokens[place - 1] not in opens:
@@ -127,6 +131,9 @@ def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
             continue
         end = place + len(phrase.split())
         following = tokens[end] if end < len(tokens) else ""
+        after = tokens[end + 1] if end + 1 < len(tokens) else ""
+        if following in ("more", "further", "farther") and not (isinstance(after, str) and after[-2:] in ("ly", "er")):
+            end, following = end + 1, after  # "a bit more to the left"
         changes = isinstance(following, str) and (following in known.table["speeds"] or following[-2:] in ("er", "ly"))
         if not (turns or walks) or changes or following in ("more", "less"):
             return None, tokens

@@ -18,6 +18,7 @@ from flexmotion.text.clause_amounts import (
     speed_of,
     unread_number,
 )
+from flexmotion.text.no_walks import STAND_STILL, stand_note, unknown_way
 from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -26,8 +27,12 @@ from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbou
 from flexmotion.text.relative import asked_change, change_factor, repeated_motion
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped
+from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, stem, stripped, taught, taught_words
+
+UNSEEN = "the robot does not know where you are"
+"""Of a walk or a turn to who says it."""
 
 
 def clause_of(part: Part, forbidding: bool) -> Clause | None:
@@ -48,6 +53,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if forbidding or _forbids(words):
         rest = plain(stripped([*NEGATES.sub(" ", sentence).split()]))
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
+    if part.refusal is None and (note := stand_note(tokens)) is not None:
+        return Clause(said, STAND_STILL, dropped=tuple(dropped), notes=(note,), joint=part.joint)
     plain_stop = taught().get(plain(tokens)) == STAND
     stops = words[:1] and words[0] in known.words("stop_verbs")
     refusal, condition = part.refusal or _no_speed([*rates, *tokens]) or refusal_of(words), condition_of(words)
@@ -83,6 +90,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         amount = None
     if amount is None and not counted:
         amount, tokens = little_of(tokens)
+    if amount is None and not counted and posture is not None and tokens == ["step"]:
+        amount = Amount(1.0, "steps", "step")  # "step with your left foot"
     if amount is not None and amount.rough:
         notes.append(f"{amount.said!r} is taken as {amount}")
     bare = any(isinstance(token, Bare) or (isinstance(token, str) and token.isdigit()) for token in tokens)
@@ -102,7 +111,12 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if asks in (Asks.FASTER, Asks.SLOWER) and (amount is not None or counted):
         return Clause(said, "", refusal="a change of speed has no length, time or count of its own")
     if asks is not Asks.MOTION:
-        return Clause(said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes))
+        once = asks is Asks.AGAIN and plain(tokens) in ("", "more", *known.words("once_more"))
+        return Clause(
+            said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes), more=once
+        )
+    if (other := unknown_way(words)) is not None:
+        return Clause(said, plain(tokens), refusal=other)
     if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words and not head:
         return Clause(said, plain(tokens), refusal="the amount is not understood")
     speed, manner, tokens = speed_of(tokens)
@@ -117,8 +131,12 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
     places = destinations(words)
-    if _comes(own):
-        notes.append("the robot does not know where you are: it walks straight ahead")
+    if _comes(own) and own[0] in known.words("turn_verbs"):
+        told = amount is not None or (sides(" ".join(own)) and "side" not in own)
+        notes.append(f"{UNSEEN}: it turns {'to the side that is said' if amount is None else amount}")
+        refusal = refusal or (None if told else f"{UNSEEN}; say for example 'turn left 90 degrees'")
+    elif _comes(own):
+        notes.append(f"{UNSEEN}: it walks straight ahead")
     if own[:3] == ["turn", "to", "face"] and words != own:
         notes.append(f"taken as {' '.join(words)!r}: the robot knows no places")
     if amount is None:
@@ -163,7 +181,7 @@ def _comes(words: list[str]) -> bool:
         return True
     walks = bool(words) and words[0] in known.words("walk_verbs") | known.words("paths")
     toward = zip(words, words[1:], strict=False)
-    return walks and any(one in ("to", "towards", "toward") and who in ("me", "us") for one, who in toward)
+    return walks and any(one in ("to", "towards", "toward", "on") and who in ("me", "us") for one, who in toward)
 
 
 def _no_speed(tokens: Sequence[Token]) -> str | None:

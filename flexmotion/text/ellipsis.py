@@ -6,13 +6,17 @@ import re
 from dataclasses import replace
 from functools import lru_cache
 
-from flexmotion.text.clause import Asks, Clause
+from flexmotion.text.amounts import Amount
+from flexmotion.text.clause import UNITS, Asks, Clause
+from flexmotion.text.numbers import number_at
 from flexmotion.text.refusals import needs_head
 from flexmotion.text.sides import LEFT, mirrored, sides
 from flexmotion.text.vocabulary import vocabulary
 
 OTHER = "other"
 """The side that was not meant before."""
+BACK, FORWARD = "back", "forward"
+"""Ways of a walk that words leave out but for the direction; of a turn the first is the other side."""
 _LOOKS = frozenset(["up", "down", "ahead", "forward", "forwards", "straight", "back", "behind"])
 """Directions of a look beside left and right; a walk takes some of them as well."""
 
@@ -28,9 +32,19 @@ def named_side(words: list[str]) -> str | None:
     return OTHER if not named and known.words("other") & set(words) else None
 
 
+def named_way(words: list[str]) -> str | None:
+    """`BACK` or `FORWARD` in words that say nothing but to do the same that way; None where they say more, or none."""
+    known = vocabulary()
+    ways = {way for way, name in ((BACK, "backward"), (FORWARD, "onward")) if known.words(name) & set(words)}
+    others = known.words("refers") | known.words("backward") | known.words("onward")
+    return ways.pop() if len(ways) == 1 and "same" in words and set(words) <= others else None
+
+
 def with_side(text: str, side: str) -> str:
-    """The words of a motion, to another side or with another hand."""
+    """The words of a motion, to another side, with another hand, or of a walk or a turn forward or back."""
     named, known = sides(text), vocabulary()
+    if side in (BACK, FORWARD):
+        return mirrored(text) if text.split()[0] in known.words("turn_verbs") else f"walk {side}"
     if len(named) == 1:
         return text if side in named else mirrored(text)
     if text.split()[:1] and text.split()[0] in known.words("walk_verbs"):
@@ -59,15 +73,17 @@ def _other_limb() -> re.Pattern[str]:
 
 def is_repeated(words: list[str]) -> bool:
     """Whether words of a side ask for the last motion once more: "again with the left hand", "the other way"."""
-    return bool((vocabulary().words("other") | {"same", "again", "more", "repeat", "redo"}) & set(words))
+    again = vocabulary().words("other") | {"same", "again", "more", "repeat", "redo"}
+    return bool(again & set(words)) or words[-1:] == ["one"]  # "now the left one"
 
 
-def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause:
+def completed(clause: Clause, words: list[str], before: Clause | None, goes_on: bool = False) -> Clause:
     """The request, with what it leaves out.
 
     Args:
         words: all words of the clause, without fillers.
         before: request before it in the sentence; None: it is the first.
+        goes_on: it is the first, and opens with "and".
     """
     side = named_side(words)
     asked = before is not None and before.asks is Asks.MOTION and before.refusal is None and not before.forbidden
@@ -76,12 +92,23 @@ def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause
     paced = clause.rate is not None and not clause.rate.vague and not clause.text and clause.joint == "then"
     if before is not None and asked and paced:  # "walk at 0.3 m/s, then at 0.5 m/s", as "then faster"
         return replace(_like(clause, before, before.text), amount=clause.amount, times=1, counted=False)
-    if side is not None and clause.amount is None:
-        if before is None and is_repeated(words):
-            return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side)
+    if clause.refusal is not None and UNITS in clause.refusal:
+        return clause  # "wave for 3 seconds, then right 5"
+    back = goes_on and " ".join(words) in vocabulary().words("returns_turned")
+    if (way := BACK if back else named_way(words)) is not None and (before is None or _goes(before)):
+        if before is None:
+            return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=way, more=False)
+        if asked:
+            return _like(clause, before, with_side(before.text, way))
+    with_hand = clause.amount is not None and clause.amount.quantity == "time" and before is not None
+    if side is not None and (clause.amount is None or (with_hand and before is not None and not _goes(before))):
+        if before is None and (goes_on or is_repeated(words)):
+            return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side, more=False)
         if before is not None and asked:
             return _like(clause, before, with_side(before.text, side))
         return clause
+    if before is not None and asked and clause.verbless and (counted := _counted(clause, before)) is not None:
+        return replace(clause, amount=counted, times=1, counted=False)  # "step back once, then forward twice"
     if before is not None and asked and clause.verbless and needs_head(before.text.split()):
         return _looking_on(clause, words, before)
     if before is not None and asked and _returns(clause, before):
@@ -116,16 +143,36 @@ def _are_alike(clause: Clause, wrong: Clause) -> bool:
 
 
 def _like(clause: Clause, before: Clause, text: str) -> Clause:
-    """The clause as a motion with these words, as much of it as of the one before."""
+    """The clause as a motion with these words, as much of it as it says, or as of the one before."""
+    counted = _counted(clause, before)
     return replace(
         clause,
         text=text,
         asks=Asks.MOTION,
-        amount=before.amount,
-        times=before.times,
-        counted=before.counted,
+        amount=counted or clause.amount or before.amount,
+        times=1 if counted else clause.times if clause.counted else before.times,
+        counted=counted is None and (clause.counted or before.counted),
         speed=before.speed,
         refusal=None,
+    )
+
+
+def _counted(clause: Clause, before: Clause) -> Amount | None:
+    """As many as a request counts of what the one before it counts: "step left twice, then right once"."""
+    if before.amount is None or " times" not in before.amount.said or not clause.counted or clause.amount is not None:
+        return None
+    number = number_at(before.amount.said.split(), 0)
+    if number is None:
+        return None
+    value = before.amount.value / number.value * clause.times
+    return replace(before.amount, value=value, said=f"{clause.times} times")
+
+
+def _goes(clause: Clause) -> bool:
+    """Whether a request is one of walking or turning, by its first word."""
+    known = vocabulary()
+    return clause.text.split()[:1] != [] and clause.text.split()[0] in known.words("walk_verbs") | known.words(
+        "turn_verbs"
     )
 
 
@@ -152,8 +199,10 @@ def begins_with_place(words: list[str]) -> bool:
 
 
 def _returns(clause: Clause, before: Clause) -> bool:
-    """Whether a walk goes back what the one before it went ahead."""
+    """Whether a walk goes back what the one before it went ahead, or a turn what the one before it turned."""
     known = vocabulary()
+    if before.text.split()[:1] != [] and before.text.split()[0] in known.words("turn_verbs"):
+        return clause.amount is None and len(sides(before.text)) == 1 and clause.text in known.words("returns_turned")
     returns = clause.asks is Asks.MOTION and clause.amount is None and clause.text in known.words("returns")
     walked = before.amount is not None and before.amount.quantity in ("length", "steps", "time")
     return returns and walked and before.text.split()[:1] != [] and before.text.split()[0] in known.words("walk_verbs")

@@ -11,29 +11,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flexmotion.text.amounts import is_mark, tokens_of
+from flexmotion.text.amounts import Amount, Token, is_mark, tokens_of
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.clause_amounts import speed_of
 from flexmotion.text.clauses import clause_of
 from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
+from flexmotion.text.no_walks import STAND_STILL, stand_note
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import WITHOUT_TURNING
-from flexmotion.text.questions import QUESTION, is_question
+from flexmotion.text.questions import QUESTION, REPORT, is_question, is_report
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stripped, taught
+from flexmotion.text.wording import STAND_IN, plain, stripped, taught
 
 
 def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
     sentence = reworded(sentence)
-    if taught().get(plain(tokens_of(sentence))) == STAND:
-        return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
+    stands, note = taught().get(plain(tokens_of(sentence))) == STAND, stand_note(tokens_of(sentence))
+    if stands or note is not None:
+        # "never mind the walking, quit it"; "careful, a step"
+        return (Clause(sentence, sentence if stands else STAND_STILL, notes=() if note is None else (note,)),)
     if is_question(sentence) and plain(tokens_of(sentence)) not in taught():
         return (Clause(sentence, sentence, refusal=QUESTION),)
+    if is_report(sentence) and plain(tokens_of(sentence)) not in taught():
+        return (Clause(sentence, sentence, refusal=REPORT),)
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
     found = _parsed(_with_names(sentence, phrases))
@@ -73,7 +78,7 @@ def _with_manner(clause: Clause) -> Clause:
 
 def _name(number: int) -> str:
     """A word that means nothing, for phrase `number`."""
-    return "inthatmanner" + "x" * number + "y"
+    return STAND_IN + "x" * number + "y"
 
 
 def _parsed(sentence: str) -> tuple[Clause, ...]:
@@ -99,7 +104,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
             names.append(f"{clause.said!r} is taken for a name")
             continue
         own = [token for token in stripped(part.tokens) if isinstance(token, str) and not is_mark(token)]
-        clause = completed(clause, own, clauses[-1] if clauses else None)
+        clause = completed(clause, own, clauses[-1] if clauses else None, goes_on=part.tokens[:1] == ["and"])
         forbidding = clause.forbidden
         if clauses and clause.asks is clauses[-1].asks and clause.asks in (Asks.FASTER, Asks.SLOWER):
             clauses.pop()  # "that's too fast, slow down a bit" asks once
@@ -108,11 +113,20 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)
+    if len(clauses) > 1 and (count := _count_behind(tokens)) is not None and kind is None:
+        clauses[-1] = replace(clauses[-1], refusal=f"{count!r}: all of it or the last? say it in front of each")
     clauses[0] = replace(clauses[0], notes=(*names, *clauses[0].notes))
     if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]) and not clauses[0].dropped:
         # The listener gets the sentence as it was given.
         return (replace(clauses[0], said=sentence, text=sentence),)
     return tuple(clauses)
+
+
+def _count_behind(tokens: list[Token]) -> str | None:
+    """How often, behind the last comma of a sentence and alone ("…, twice"); None where nothing such ends it."""
+    *rest, last = stripped(tokens) or [""]
+    alone = isinstance(last, Amount) and last.quantity == "times" and rest[-1:] == [","]
+    return plain([last]) if alone else None
 
 
 def _with_adverbs(parts: list[Part]) -> list[Part]:

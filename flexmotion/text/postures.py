@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from flexmotion.text.amounts import Token
+from flexmotion.text.amounts import Amount, Token
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, plain, stem
+from flexmotion.text.wording import STAND_IN, begins, plain, stem
+
+_SHORTEST_HELD = 4
+"""Letters that a word in "-ed" or "-ing" has more than, if it tells how a part of the body is held."""
 
 
 def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
@@ -17,25 +20,49 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
     walk goes are no posture: "step with your right foot to the right".
     """
     known = vocabulary()
-    if not tokens or tokens[0] not in known.words("paths"):
+    stepped = any(isinstance(token, Amount) and token.quantity == "steps" for token in tokens)
+    takes = stepped and tokens[0] in ("take", "make", "do")
+    waves = tokens[:1] == ["wave"]
+    if not tokens or not (takes or waves or tokens[0] in known.words("paths") | known.words("postured")):
         return tokens, None
-    legs = known.table["limb_groups"]["leg"] if tokens[0] == "step" else []
+    legs = known.table["limb_groups"]["leg"] if tokens[0] == "step" or stepped else []
     for place in range(1, len(tokens)):
         if tokens[place] not in known.words("posture_opens"):
             continue
-        part = place + 1
-        while part < len(tokens) and tokens[part] in known.words("limb_owners"):
-            part += 1
-        if part in (place + 1, len(tokens)) or tokens[part] not in body_parts():
+        part, held = place + 1, False
+        while part < len(tokens) and (tokens[part] in known.words("limb_owners") or _is_held(tokens[part])):
+            part, held = part + 1, held or _is_held(tokens[part])
+        if part == len(tokens) or tokens[part] not in body_parts():
             continue
+        if waves and tokens[part + 1 : part + 2] not in (["on"], ["behind"]):
+            continue  # "wave with your hand up high" says how it waves
         end = part + 1 if tokens[part] in legs else _end(tokens, part + 1)
+        manner = any(isinstance(token, str) and token.startswith(STAND_IN) for token in tokens[:place])
+        if held and manner:
+            continue  # "walk like someone with an injured knee"
+        if held and end == part + 1:
+            return [*tokens[:place], *tokens[end:]], plain(tokens[place:end])  # "with raised hands"
+        if part == place + 1 and tokens[part] not in legs and not _poses(_word(tokens, part + 1)):
+            continue
         rest = [*tokens[:place], *tokens[end:]]
         straight = known.words("onward") | known.words(
             "backward"
         )  # whichever foot steps: "step back with your left foot"
-        if end > part + 1 or (tokens[part] in legs and straight & {*rest} and not sides(plain(rest))):
+        ahead = straight & {*rest} or not [token for token in rest[1:] if isinstance(token, str)]
+        if end > part + 1 or (tokens[part] in legs and ahead and not sides(plain(rest))):
             return rest, plain(tokens[place:end])
     return tokens, None
+
+
+def _is_held(token: Token) -> bool:
+    """Whether a word in front of a part of the body tells how it is held: "raised hands"."""
+    return isinstance(token, str) and token.endswith(("ed", "ing")) and len(token) > _SHORTEST_HELD
+
+
+def _word(tokens: list[Token], place: int) -> str:
+    """The word at a place; empty where there is none."""
+    token = tokens[place] if place < len(tokens) else ""
+    return token if isinstance(token, str) else ""
 
 
 def _end(tokens: list[Token], start: int) -> int:

@@ -1,11 +1,17 @@
-"""`is_question`: sentences that ask for an answer, not for a motion: "why did you turn left?"."""
+"""`is_question`, `is_report`: sentences that ask for no motion: "why did you turn left?", "he waved at me"."""
 
 from __future__ import annotations
 
 import re
 
+from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import stem
+
 QUESTION = "a question: the robot gives no answers; say what it is to do"
 """Refusal of a question in which a listener may hear a motion."""
+
+REPORT = "it tells of something, and asks for no motion; say what the robot is to do"
+"""Refusal of a report."""
 
 _SUBJECT = r"(?:you|i|we|it|he|she|they|the|this|that|there|your|my|anyone|anybody|somebody|someone)"
 _ASIDE = r"(?:(?:and|so|but|hey|ok|okay|oh|well|please|robot|hmm|um)[\s,]+)*"
@@ -28,3 +34,23 @@ def is_question(sentence: str) -> bool:
     """
     inside = re.sub(r"[.!?\s]+$", "", sentence)
     return not re.search(r"[.;:!?]", inside) and _QUESTION.fullmatch(sentence) is not None
+
+
+_REPORT = re.compile(
+    r"(?:i|you|he|she|they|we|it|someone|somebody|(?:the|a|an|my|your|his|her)\s\w+)\s"
+    r"(?:(?:just|also|then|only|already|once|never)\s)?(?P<verb>\w+)\b.*",
+    re.IGNORECASE | re.DOTALL,
+)
+_THERE_IS = re.compile(r"there(?:['’]s|['’]re|\s(?:is|are|was|were))\s[^,;:]+", re.IGNORECASE)
+
+
+def is_report(sentence: str) -> bool:
+    """Whether a sentence tells what someone did, or what there is. Captions ("a person waves") are none."""
+    if _THERE_IS.fullmatch(sentence.strip()):
+        return True
+    found = _REPORT.fullmatch(sentence.strip())
+    if found is None:
+        return False
+    verb = found["verb"].lower()
+    past = verb in vocabulary().words("past") or (verb.endswith("ed") and stem(verb) != verb)
+    return past and stem(verb) in vocabulary().verbs | set(vocabulary().table["past"])

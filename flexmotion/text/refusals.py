@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from flexmotion.text.amounts import tokens_of
+from flexmotion.text.no_walks import no_walk
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.sayings import NOTHING
@@ -14,8 +15,20 @@ from flexmotion.text.wording import plain, stem, taught
 
 _FROM_SIDE = re.compile(r" from (?:(?:the|your|my|stage|house) )*(?:left|right) (?!to )")
 """Where one comes from ("enter from the left") is not where one goes; "from left to right" is both."""
+ONE_WAY = "the robot walks ahead, back or to a side; say which comes first, with 'then'"
+"""Refusal of a walk between two directions."""
+SAY_HOW_MUCH = "say it in metres, steps, degrees, seconds or times"
+"""Behind an amount that is none."""
+_BESIDE_WAYS = frozenset(["and", "to", "towards", "the", "your", "side", "then", "a", "bit", "little"])
 _INSTANCE = re.compile(r"\bon (?:the|every|each) (?:first|second|third|fourth|fifth|last|next) [a-z]+")
 """One of several repetitions: "on the second bow"."""
+
+_WRONG_LIMB = re.compile(r" wrong (hand|arm|foot|leg|side|way) ")
+_ARMS = r"(?:your |the )?(?:both |both of your )?(?:arms|hands)"
+_ARMS_OUT = re.compile(rf"(?:hold|put|stick|reach|keep|get|have) (?:{_ARMS} out|out {_ARMS})")
+"""Forward, or to the sides."""
+_FAR = re.compile(r"(?<!\w)as (?:far|long|much|often|many)$")
+"""Ends an amount of the motion before: "twice as far"."""
 
 
 def refusal_of(words: list[str]) -> str | None:
@@ -23,9 +36,11 @@ def refusal_of(words: list[str]) -> str | None:
     known = vocabulary()
     verb = next((word for word in words if word in known.verbs), None)
     text = f" {' '.join(words)} "
+    if other := no_walk(words):
+        return other
     if came := _FROM_SIDE.search(text):
         return f"{came[0].strip()!r}: a place: the robot knows none"
-    if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
+    if " where " in text and not in_place(text) and verb in known.words("walk_verbs") | known.words("turn_verbs"):
         return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
@@ -40,6 +55,12 @@ def refusal_of(words: list[str]) -> str | None:
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
     if part := _moved_trunk(words, text):
         return f"{part!r}: no motion of it alone; say 'turn left 30 degrees', and the whole robot turns"
+    if wrong := _WRONG_LIMB.search(text):
+        return f"which {wrong[1]}? say left or right"
+    if _ARMS_OUT.fullmatch(text.strip()):
+        return "to where? say 'stretch both arms forward' or 'spread your arms'"
+    if _FAR.search(text.strip()):
+        return f"how much is that? {SAY_HOW_MUCH}"
     if _moves_arm(words):
         return "say what the arm does: raise it, lower it, hold it out, stretch it, wave or point"
     if target := _unknown_target(words, text):
@@ -120,10 +141,51 @@ def unbounded(condition: str | None, destination: str | None) -> str | None:
     return None if destination is None else f"{destination!r}: a place: the robot knows none, and would go on"
 
 
+def _unmeasured(words: list[str], text: str) -> str | None:
+    """Why a walk or a turn has no amount although its words say one ("a lot", "north"); None: they say none."""
+    known = vocabulary()
+    feet = known.words("paths") | known.words("walk_verbs") | known.words("turn_verbs")
+    if words[:1] == [] or words[0] not in feet or text.strip() in taught():
+        return None
+    if compass := [word for word in words if word in known.words("compass")]:
+        return f"{compass[0]!r}: the robot has no compass; say for example 'turn left 90 degrees'"
+    for phrase in known.phrases("unmeasured"):
+        after = text.partition(f" {phrase} ")[2].split()
+        changes = bool(after) and (after[0].endswith(("er", "ly")) or after[0] in ("more", "less", "too"))
+        if f" {phrase} " in text and not changes:
+            return f"{phrase!r}: how much is that? {SAY_HOW_MUCH}"
+    return f"{words[-1]!r}: how much is that? {SAY_HOW_MUCH}" if words[-1] in ("some", "half") else None
+
+
+def _between_ways(words: list[str]) -> str | None:
+    """Why a walk is none that the robot could make: it is ahead or back, and to a side, at once; None: it is not."""
+    known = vocabulary()
+    walks = known.words("walk_verbs") | known.words("paths")
+    if words[:1] == [] or words[0] in known.words("turn_verbs"):
+        return None
+    if words[0] in walks and (slanted := [word for word in words[1:] if word in known.words("slanted")]):
+        return f"{slanted[0]!r}: {ONE_WAY}"
+    rest = set(words[1:] if words[0] in walks - known.words("directions") else words)
+    straight = (known.words("onward") | known.words("backward")) & rest
+    between = straight and len(sides(" ".join(words))) == 1 and rest <= known.words("directions") | _BESIDE_WAYS
+    return f"two directions at once: {ONE_WAY}" if between else None
+
+
 def _walking_refusal(words: list[str], text: str) -> str | None:
     """Why a walk or a turn is none that the robot could make."""
     known = vocabulary()
     first = words[0] if words else ""
+    if between := _between_ways(words):
+        return between
+    if unsaid := _unmeasured(words, text):
+        return unsaid
+    if (
+        words[1:2] in (["over"], ["aside"])
+        and first in known.words("aside_verbs")
+        and len(words) == 2
+        and not sides(text)
+    ):
+        return f"{words[1]!r}: to the left or to the right?"
     steps = first in ("take", "make", "do") and bool(set(words[1:]) & (known.words("feet_motions") | {"step", "steps"}))
     if first in ("take", "make", "do") and any(f" {first} {phrase} " in text for phrase in known.phrases("in_place")):
         steps = True  # its steps are counted: "make four steps on the spot"
@@ -207,6 +269,17 @@ def is_turning(text: str) -> bool:
     """Whether the words of a prohibition name turns to both sides: "no turning", "don't turn around"."""
     words = text.split()
     return bool(words) and stem(words[0]) in vocabulary().words("turn_verbs") and not sides(text)
+
+
+def in_place(text: str) -> bool:
+    """Whether words say that the robot is to stay in its place: "on the spot"."""
+    words = " ".join(re.findall(r"[\w']+", text))  # "stay where you are, turn left"
+    return any(f" {phrase} " in f" {words} " for phrase in vocabulary().phrases("in_place"))
+
+
+def goes_ahead(text: str) -> bool:
+    """Whether the words of a turn name a way that it goes: "walk in a circle to the left"."""
+    return bool({stem(word) for word in text.split()} & (vocabulary().words("walking") | vocabulary().words("curves")))
 
 
 def names_head(text: str) -> bool:

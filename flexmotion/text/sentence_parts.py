@@ -304,6 +304,7 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     if isinstance(first, Amount):
         # "two steps forward and one step back", "two waves and three bows"; not "wave for ten seconds, twice".
         counted = bool(rest[1:2]) and rest[1] in things
+        counted = counted or bool(known.words("further") & set(first.said.split()))  # "wave twice, and one more"
         return counted or (first.quantity != "times" and any(isinstance(token, Amount) for token in before))
     if not isinstance(first, str):
         return False
@@ -313,6 +314,10 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
         return True
     if begins(rest, 0, tuple(p for p in known.phrases("again") if p not in ("again", "once again", "once more"))):
         return True
+    if place > 0 and tokens[place - 1] == "and" and before[-1:] != ["again"]:
+        last = plain(stripped(tokens[place : _next_joint(tokens, place)]))
+        if last in known.words("again"):
+            return True  # "bow, and again"; "bow again" and "bow, once more" are one request
     if first in known.words("directions"):
         # "walk forward and back" is two walks.
         back = known.words("backward")

@@ -8,6 +8,9 @@ from flexmotion.text.amounts import Token, is_mark, tokens_of
 from flexmotion.text.sayings import sayings
 from flexmotion.text.vocabulary import vocabulary
 
+STAND_IN = "inthatmanner"
+"""How a word that stands for a phrase of manner begins."""
+
 
 @lru_cache
 def taught() -> dict[str, str]:

@@ -14,23 +14,39 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
-from flexmotion.streamer.motion.measured_steps import NothingChangesError, RefusedError, at_rate, fits, measured
+from flexmotion.streamer.motion.measured_steps import (
+    NothingChangesError,
+    RefusedError,
+    at_rate,
+    fits,
+    measured,
+    on_the_spot,
+)
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
-from flexmotion.text.ellipsis import other_limb, with_limb, with_side
+from flexmotion.text.ellipsis import BACK, FORWARD, other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
 from flexmotion.text.part_phrases import part_phrase
-from flexmotion.text.phrases import BOTH_UP, STAND, limbs, moves_head
+from flexmotion.text.phrases import BOTH_UP, STAND, WALK, limbs, moves_head
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.questions import QUESTION
-from flexmotion.text.refusals import is_no_stand, is_no_walk, is_turning, is_unlike, moves_feet, names_head
+from flexmotion.text.refusals import (
+    goes_ahead,
+    in_place,
+    is_no_stand,
+    is_no_walk,
+    is_turning,
+    is_unlike,
+    moves_feet,
+    names_head,
+)
 from flexmotion.text.restriction_refusals import restriction_refusal
 from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.sides import LEFT, RIGHT, sides
@@ -191,7 +207,7 @@ class Hearing:
 
     def _without_forbidden(self, sentence: str, clauses: Sequence[Clause]) -> list[Clause]:
         """The clauses that ask for something; refuses a sentence that asks for what it forbids."""
-        forbidden: list[str] = []
+        forbidden: list[tuple[str, str]] = []  # kinds, each with the words that forbid it
         wanted = [clause for clause in clauses if not clause.forbidden]
         moving = any(self._moves(clause) for clause in wanted)
         for clause in (one for one in clauses if one.forbidden):
@@ -203,7 +219,8 @@ class Hearing:
                 continue  # "walk without limping"; a listener takes single words for many things
             prompt = self.model.prompt(clause.text) if clause.text else None
             if (stays := moves_feet(clause.text)) or is_turning(clause.text):
-                forbidden += [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
+                kinds = [*(vocabulary().table["walks"] if stays else ()), *vocabulary().table["turns"]]
+                forbidden += [(kind, clause.text) for kind in kinds]
                 continue
             unknown = prompt is not None and (not prompt.known or prompt.kind == STAND)
             if moves_along(clause.text) or (clause is not clauses[0] and unknown and _qualifies(clause)):
@@ -222,14 +239,16 @@ class Hearing:
                 raise RefusedError(f"{clause.said!r} is not understood, and the robot cannot promise it; leave it out")
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
-            forbidden.append(prompt.kind)
+            forbidden.append((prompt.kind, clause.text))
         for clause in wanted:
             if clause.asks is Asks.MOTION and clause.refusal is None:
                 kind = self.model.prompt(clause.text).kind
-                if any(_covers(one, kind) for one in forbidden):
+                if any(_covers(one, text, kind) for one, text in forbidden):
                     raise RefusedError(f"{clause.said!r} is asked for and forbidden in one sentence")
             elif clause.asks is not Asks.MOTION and forbidden:
                 raise RefusedError(f"{clause.said!r} could mean what the sentence forbids")
+        if any(one == WALK for one, _ in forbidden):
+            return [replace(clause, on_the_spot=True) for clause in wanted]  # "turn left, no walking"
         return wanted
 
     def _moves(self, clause: Clause) -> bool:
@@ -320,7 +339,8 @@ class Hearing:
             told = prompt.warning if clause.refusal in (NO_KNOWN_WORD, QUESTION) and not prompt.known else None
             raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
-            repeated = before[-1:] if before else list(last.steps) if last is not None else []
+            moved = [step for step in before if step.kind != STAND][-1:] or before[-1:]  # "bow, wait, then again"
+            repeated = moved if before else list(last.steps) if last is not None else []
             if clause.text:
                 repeated = self._named(clause, [*(() if last is None else last.steps), *before])
             if not repeated:
@@ -331,6 +351,11 @@ class Hearing:
                 if len(repeated) != 1 or clause.amount.quantity not in ("time", *fits(repeated[0])):
                     raise RefusedError(f"{clause.said!r}: what was done before has no {clause.amount.said!r}")
                 repeated = [self._measured(repeated[0], clause.amount, 1)]
+            counted = repeated[-1].amount if len(repeated) == 1 and clause.more else None
+            if counted is not None and counted.quantity == "times" and counted.said != NOT_SAID:
+                # "bow three times, then once more" is four bows.
+                single = Amount(float(clause.times), "times", clause.said)
+                return [self._measured(repeated[0], single, 1)]
             repeated = repeated * clause.times
             # A motion without an end has one where another follows it.
             ends = in_sequence or len(repeated) > 1
@@ -415,9 +440,12 @@ class Hearing:
         walks = step.turn != 0 or step.axis != (0, 0)
         if walks and vocabulary().words("limbs") & set(clause.said.split()):
             raise RefusedError(f"{clause.said!r}: {step.kind} is not a motion of the hands")
-        if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
+        ahead = step.kind == STAND or (not walks and clause.side in (BACK, FORWARD)) or step.kind == "velocity"
+        if ahead or not isinstance(step.intent, Text | Velocity):
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
-        mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
+        spot = step.turn != 0 and isinstance(step.intent, Velocity) and step.intent.forward == 0.0
+        asked = Clause(clause.said, with_side(step.told.text, clause.side), on_the_spot=spot)
+        mirrored = self._motion(asked, in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _lowering(self, clause: Clause, done: Sequence[Step]) -> Clause:
@@ -490,6 +518,15 @@ class Hearing:
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
         )
         step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told, rhythm=rhythm)
+        spot = turn != 0 and (clause.on_the_spot or in_place(clause.text))
+        if spot and goes_ahead(clause.text):
+            raise RefusedError(
+                f"{clause.said!r}: that turn walks ahead; say 'turn left on the spot', or leave that out"
+            )
+        if spot and not self.model.follows_velocity:
+            raise RefusedError(f"{clause.said!r}: this model turns as it walks ahead, and not on the spot")
+        if spot:
+            step = on_the_spot(self.pace, step)
         # What is said in figures counts: "slowly at 0.3 m/s".
         if clause.rate is None and clause.speed != 1.0 and (turn or step.axis != (0, 0)):
             changed = self.speeds.changed(step, clause.speed)
@@ -505,8 +542,7 @@ class Hearing:
                 amount = replace(amount, value=float(times), said=f"{times} times")
             times = 1 if amount.quantity != "times" else times
         if clause.rate is not None:
-            spot = amount is not None and amount.quantity == "angle"
-            spot = spot or any(f" {phrase} " in f" {clause.text} " for phrase in table["in_place"])
+            spot = spot or (amount is not None and amount.quantity == "angle")
             step = at_rate(self.speeds, step, clause.rate, spot)
         if amount is None:
             return step
@@ -527,11 +563,20 @@ def _begins_with(clause: Clause, phrases: Sequence[str]) -> bool:
     return motion and any(f"{clause.text} ".startswith(f"{phrase} ") for phrase in phrases)
 
 
-def _covers(forbidden: str, kind: str) -> bool:
-    """Whether a kind of motion is among what a prohibition of another means: not to walk is not to walk anywhere."""
-    walks = vocabulary().table["walks"]
-    if forbidden == "walk":
-        return kind in walks
+def _covers(forbidden: str, text: str, kind: str) -> bool:
+    """Whether a kind of motion is among what a prohibition of another means: not to walk is not to walk anywhere.
+
+    Args:
+        text: words of the prohibition: not to walk ahead is not to go ahead in any way, and leaves other ways; not to
+            walk leaves running.
+    """
+    known, words = vocabulary(), text.split()
+    walks = known.table["walks"]
+    if forbidden == WALK and known.words("onward") & set(words):
+        return bool(walks.get(kind) == walks[WALK])
+    if forbidden == WALK:
+        runs = words[:1] != [] and stem(words[0]) in known.words("walking") and kind in ("run", "dash")
+        return kind in walks and not runs
     if forbidden in ("run", "dash"):
         return kind in ("run", "dash")
     return forbidden == kind

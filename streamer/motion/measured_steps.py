@@ -63,6 +63,19 @@ def at_rate(speeds: Speeds, step: Step, rate: Rate, on_the_spot: bool) -> Step:
     return replace(step, intent=Velocity(forward, left, turning, step.told.manner), told=told)
 
 
+def on_the_spot(pace: Pace | None, step: Step) -> Step:
+    """A turn that does not walk ahead, at the robot's pace, or slower where its words are.
+
+    Args:
+        pace: greatest speed of the human; None: no limit.
+    """
+    fastest = TURNING if pace is None else min(TURNING, pace.turning)
+    asked = abs(step.intent.turning) if isinstance(step.intent, Velocity) else 0.0
+    rate = min(asked or fastest, fastest)
+    told = step.told.model_copy(update={"slowed": None})
+    return replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner), told=told)
+
+
 def measured(model: Model, pace: Pace | None, step: Step, amount: Amount, times: int) -> Step:
     """The step with an end.
 
@@ -84,11 +97,7 @@ def measured(model: Model, pace: Pace | None, step: Step, amount: Amount, times:
         bounds = [str(replace(amount, value=bound)) for bound in (least, most)]
         raise RefusedError(f"{amount.said!r} is {amount}, expected {bounds[0]} to {bounds[1]}")
     if step.turn and amount.quantity == "angle" and model.follows_velocity:
-        fastest = TURNING if pace is None else min(TURNING, pace.turning)
-        asked = abs(step.intent.turning) if isinstance(step.intent, Velocity) else 0.0
-        rate = min(asked or fastest, fastest)
-        told = step.told.model_copy(update={"slowed": None})  # it turns on the spot, at the robot's pace
-        step = replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner), told=told)
+        step = on_the_spot(pace, step)
     limit = limit_s(step, amount)
     told = step.told.model_copy(update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit})
     return replace(step, amount=amount, limit_s=limit, told=told)

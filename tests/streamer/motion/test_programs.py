@@ -66,6 +66,9 @@ def test_development_sentences_are_heard_as_meant(hearing: Hearing, row: dict[st
     assert heard.state == ("partly" if "dropped" in row else heard.state) != "refused", heard
     assert list(heard.dropped) == row.get("dropped", [])
     assert [step.kind for step in program.steps] == [kind for kind, *_ in row["does"]], heard
+    if "on_the_spot" in row:
+        turns = [step.intent for step in program.steps if step.turn]
+        assert turns and all(isinstance(one, Velocity) and (one.forward, one.left) == (0.0, 0.0) for one in turns)
     for step, (_, *amount) in zip(program.steps, row["does"], strict=True):
         if not amount:
             continue
@@ -212,6 +215,25 @@ def test_a_walk_to_who_says_it_is_told_to_go_straight_ahead(hearing: Hearing, sa
     """Went wrong: "come here" walked ahead, wherever the person was, and nothing was told."""
     heard = hear(hearing, say).heard
     assert heard.heard_as == "walk" and "does not know where you are" in heard.notes[0]
+
+
+@pytest.mark.parametrize("say", ["power off", "shut down", "turn yourself off", "go limp", "run out of power"])
+def test_words_of_switching_off_are_a_stand_whose_note_tells_that_torque_stays_on(hearing: Hearing, say: str) -> None:
+    """Went wrong: "power off" was accepted as a stand without a word, and "go limp" walked."""
+    heard = hear(hearing, say).heard
+    assert (heard.state, heard.heard_as) == ("accepted", STAND) and "torque stays on" in heard.notes[0]
+
+
+def test_a_walk_away_from_who_says_it_is_refused_with_what_can_be_said(hearing: Hearing) -> None:
+    """Went wrong: "walk away from me" walked ahead, where the person stands, without the note of "come here"."""
+    reason = str(hear(hearing, "walk away from me").heard.reason)
+    assert "does not know where you are" in reason and "say 'walk back'" in reason
+
+
+def test_a_turn_to_who_says_it_is_told_as_the_turn_that_it_is(hearing: Hearing) -> None:
+    """Went wrong: the note of "turn your back to me", half a turn, was "it walks straight ahead"."""
+    heard = hear(hearing, "turn your back to me").heard
+    assert heard.notes == ("the robot does not know where you are: it turns 180°",)
 
 
 def test_a_turn_to_a_thing_at_a_side_is_one_to_that_side(hearing: Hearing) -> None:
