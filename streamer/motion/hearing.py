@@ -7,6 +7,7 @@ follows would be done in another place than it was meant for.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -53,6 +54,9 @@ from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.spelling import as_meant
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
+
+BOTH_HANDS = re.compile(r"\bboth (?:your |of your |the )?(?:hands|arms)\b")
+"""What a gesture of one hand does with one of them."""
 
 PACED = 0.1
 """Least change of a gesture's speed that its adverb was done by."""
@@ -595,7 +599,10 @@ def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -
 
 
 def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
-    """Adverbs that change nothing: any of a gesture; up, of a turn on the spot; standing has none to speak of."""
+    """Words that change nothing: adverbs of gestures, both hands of a gesture of one; up, of a turn on the spot.
+
+    Standing has none to speak of.
+    """
     if clause.asks is not Asks.MOTION:
         return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
@@ -604,7 +611,9 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
     manner = clause.manner if (gesture and not paced) or (on_the_spot and clause.speed > 1.0) else ""
     # A recipe has one manner, whatever the model's motions have.
     ways = [] if step.rhythm is None else [phrase.text for phrase in manner_phrases(clause.text) if phrase.manner]
-    return tuple(said for said in (manner, clause.degree if gesture else "", *ways) if said)
+    both = BOTH_HANDS.search(clause.text) if gesture and len(sides(step.kind)) == 1 else None
+    told = (manner, clause.degree if gesture else "", *ways, both.group() if both else "")
+    return tuple(said for said in told if said)
 
 
 def _qualifies(clause: Clause) -> bool:
