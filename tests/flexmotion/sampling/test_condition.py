@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import FlexMotionError
+from flexmotion.features.constraints import Constraints
+from flexmotion.human.body import Body
 from flexmotion.sampling.condition import GREATEST_VELOCITY, Condition
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.sampler import Sampler
@@ -60,3 +63,22 @@ def test_one_number_that_is_not_finite_does_not_stay_in_a_sampler(bundle: Path) 
         found, expected = (each.features(history, condition, seed=1) for each in (sampler, fresh))
         np.testing.assert_array_equal(found, expected)
         assert np.isfinite(found).all()
+
+
+def test_errors_of_a_sampler_are_those_of_the_library(bundle: Path) -> None:
+    """A negative seed, or an empty history, was a plain ValueError, which `except fm.FlexMotionError` let go."""
+    sampler = Sampler(Bundle(bundle), balanced=False)
+    history, walk = sampler.standing(), Condition("walk")
+    other = Constraints.none(sampler.layout, Body(height=1.5), sampler.future).mean_heading(0.1)
+    for past, asked, seed, told in (
+        (history, walk, -1, "seed is -1, expected a whole number, 0 or more"),
+        (history, walk, 0.5, "seed is 0.5"),
+        (history[:0], walk, 0, "the history has no frames"),
+        (replace(history, body=Body(height=1.5)), walk, 0, "the bundle's human is"),
+        (replace(history, fps=60.0), walk, 0, "motion has 60 fps"),
+        (history, replace(walk, constraints=other), 0, "of another layout or body"),
+    ):
+        for kind in (FlexMotionError, ValueError):
+            with pytest.raises(kind, match=told):
+                sampler.sample(past, asked, seed)  # type: ignore[arg-type]
+    assert len(sampler.sample(history, walk, np.int64(3))) == sampler.future
