@@ -200,9 +200,10 @@ def build_store(
         there = json.loads(index.read_text(encoding="utf-8"))
         same = is_of(there, source, layout, entries)
         if begun and not same:
+            before, now = _size(there.get("set", "another set"), there["clips"]), _size(source.name, entries)
             raise ConfigError(
-                f"{folder}: the training there is on {_named(there)}, --set is {_size(source.name, entries)}; leave"
-                " --set away to go on, or give another folder for a new training. To go on with these weights on"
+                f"{folder}: the training there is on {before}, --set is {now}{' with other motion' * (before == now)};"
+                " leave --set away to go on, or give another folder for a new training. To go on with these weights on"
                 " another set, 'export --weights' and begin a new folder with --from"
             )
         if same and (begun or there["key"] == key):
@@ -270,10 +271,6 @@ def _write_index(index: Path, content: dict[str, Any]) -> None:
 def _write_statistics(folder: Path, features: np.ndarray, clips: list[Entry], layout: Layout) -> None:
     statistics = Statistics.of(_training_sample(features, clips), layout)
     np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
-
-
-def _named(index: dict[str, Any]) -> str:
-    return _size(index.get("set", "another set"), index["clips"])
 
 
 def _size(name: str, entries: list[Entry]) -> str:

@@ -74,6 +74,13 @@ def test_a_training_that_has_begun_keeps_its_set(
     for part in (f"is on {small_set} (6 clips, ", f"--set is {data} (", "leave --set away", "another folder", "--from"):
         assert part in str(told.value)
     assert {path.name: path.read_bytes() for path in features.iterdir()} == before
+    index = features / INDEX
+    index.write_text(json.dumps(json.loads(index.read_text()) | {"set": str(data)}))
+    with pytest.raises(ConfigError) as told:
+        run.store(data)
+    assert (f"--set is {data} (6 clips, 600 frames) with other motion;" in str(told.value)) == (
+        other is of_another_motion
+    )
     assert run.store(copytree(small_set, tmp_path / "moved")).clips == trained.store().clips
 
 
