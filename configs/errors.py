@@ -23,6 +23,13 @@ class MotionFormatError(FlexMotionError):
     """A motion file does not contain readable human motion."""
 
 
+class SamplingError(FlexMotionError, ValueError):
+    """A motion model is asked for what cannot be sampled: a condition, a constraint, a history or a seed.
+
+    It is a `ValueError` as well, which is what these raised before.
+    """
+
+
 class RetargetError(FlexMotionError):
     """A motion cannot be mapped onto the robot at all."""
 

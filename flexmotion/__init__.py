@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         GatewayError,
         MotionFormatError,
         RetargetError,
+        SamplingError,
         SessionError,
     )
     from flexmotion.configs.robot import Robot
@@ -79,6 +80,7 @@ _MODULES = {
         "GatewayError",
         "MotionFormatError",
         "RetargetError",
+        "SamplingError",
         "SessionError",
     ),
     "configs.robot": ("Robot",),
@@ -166,6 +168,7 @@ __all__ = [
     "Robot",
     "RunTrace",
     "Sampler",
+    "SamplingError",
     "Session",
     "SessionError",
     "SessionState",

@@ -53,6 +53,11 @@ class SelectedSet:
         return replace(clip, info=clip.info | {"captions": kept})
 
     @property
+    def name(self) -> str:
+        """See `MotionSet`."""
+        return f"{self.source.name} --only {','.join(sorted(self.names))}"
+
+    @property
     def hashes(self) -> dict[str, str]:
         """Hash of the whole set, and the selection."""
         captions = {} if self.captions is None else {"captions": ", ".join(sorted(self.captions))}

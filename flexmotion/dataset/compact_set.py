@@ -29,8 +29,13 @@ class MotionSet(Protocol):
         ...
 
     @property
+    def name(self) -> str:
+        """Folder or file, and what is selected of it, for messages."""
+        ...
+
+    @property
     def hashes(self) -> dict[str, str]:
-        """Hash that identifies the set."""
+        """Hashes that identify its motion, whatever the clips' splits, labels and captions."""
         ...
 
     def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
@@ -75,7 +80,7 @@ class CompactSet:
 
     def __init__(self, path: Path) -> None:
         self._header, self._arrays = read_compact(path)
-        self.hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()}
+        self.name = str(path)
 
     @cached_property
     def clips(self) -> tuple[SetClip, ...]:
@@ -88,6 +93,14 @@ class CompactSet:
             if self._header["settings"]["mirrored"] and clip.variant == ORIGINAL:
                 clips.append(replace(clip, name=f"{clip.name}~{MIRROR}", variant=MIRROR))
         return tuple(clips)
+
+    @cached_property
+    def hashes(self) -> dict[str, str]:
+        """See `MotionSet`; of the arrays, not of the file: its header has the descriptions."""
+        found = hashlib.sha256()
+        for name, values in sorted(self._arrays.items()):
+            found.update(f"{name} {values.dtype} {values.shape}".encode() + values.tobytes())
+        return {"arrays": found.hexdigest()}
 
     def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
         """See `MotionSet`."""

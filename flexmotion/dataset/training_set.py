@@ -96,8 +96,13 @@ class TrainingSet:
                 yield clip
 
     @property
+    def name(self) -> str:
+        """See `MotionSet`."""
+        return str(self.folder)
+
+    @property
     def hashes(self) -> dict[str, str]:
-        """Hash of all files, which identifies the set."""
+        """Hash of all arrays, which identifies the set's motion."""
         found: dict[str, str] = self.manifest["sha256"]
         return found
 

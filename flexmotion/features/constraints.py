@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexmotion.configs.errors import SamplingError
 from flexmotion.features.constraint_layout import (
     CENTRES,
     FORCES,
@@ -37,6 +38,10 @@ END = 0.75
 """Share of a window over which means are asked, at its end. A window begins where the last one ended: a mean over all
 of it is met by going as far beyond as it began before, window after window. Of half of it a pelvis that turns with each
 step is off by 5°. Walks of 60 s: 3.0° over half, 1.8 over three quarters, 2.5° with more weight on later frames."""
+
+
+FASTEST = 6.0
+"""No place is farther from where the window begins than the body's height and the way at this speed [m/s]."""
 
 
 def end_mean(values: NDArray[Any]) -> NDArray[Any]:
@@ -119,10 +124,12 @@ class Constraints:
             place: (3,), or one for each frame, (K, 3) [m]; NaN for a coordinate that is free.
 
         Raises:
-            ValueError: unknown point, or another shape.
+            SamplingError: unknown point, another shape, or a place that the body does not reach by then.
         """
         first = self.layout.blocks[PLACES].start + 3 * _index(point, POINTS, "point")
-        return self._with(slice(first, first + 3), frames, np.asarray(place, float) / self.body.leg)
+        given = np.asarray(place, float)
+        self._require_near(point, frames, given)
+        return self._with(slice(first, first + 3), frames, given / self.body.leg)
 
     def path(self, frames: Frames, place: ArrayLike | None = None, heading: ArrayLike | None = None) -> Constraints:
         """The pelvis is above a place of the floor, or heads somewhere.
@@ -133,11 +140,13 @@ class Constraints:
             heading: (,) or (K,) [rad], positive to the left; None where it is free.
 
         Raises:
-            ValueError: another shape.
+            SamplingError: another shape, or a place that the body does not reach by then.
         """
         first, found = self.layout.blocks[PATH].start, self
         if place is not None:
-            found = found._with(slice(first, first + 2), frames, np.asarray(place, float) / self.body.leg)
+            given = np.asarray(place, float)
+            self._require_near("path", frames, given)
+            found = found._with(slice(first, first + 2), frames, given / self.body.leg)
         if heading is not None:
             found = found._with(slice(first + 3, first + 4), frames, np.asarray(heading, float)[..., None])
         return found
@@ -146,7 +155,11 @@ class Constraints:
         """At the end of the window (`end_mean`) the pelvis heads somewhere on average [rad], positive to the left.
 
         How it turns about that is the model's; asked of single frames, a heading takes away the turning of each step.
+
+        Raises:
+            SamplingError: it is not finite.
         """
+        _require_finite("mean heading", heading)
         return replace(self, means=(*self.means, PathMean((0.0, 0.0, 0.0, 1.0), heading)))
 
     def mean_place(self, place: ArrayLike, direction: float | None = None) -> Constraints:
@@ -157,19 +170,25 @@ class Constraints:
             direction: of a line through the place [rad], positive to the left; None: at the place.
 
         Raises:
-            ValueError: another shape.
+            SamplingError: another shape, or a value that is not finite.
         """
         given = np.asarray(place, float)
         if given.shape != (2,):
-            raise ValueError(f"place has shape {given.shape}, expected (2,)")
+            raise SamplingError(f"place has shape {given.shape}, expected (2,)")
+        _require_finite("mean place", *given, 0.0 if direction is None else direction)
         axes = ((1.0, 0.0), (0.0, 1.0)) if direction is None else ((-sin(direction), cos(direction)),)
         found = (PathMean((x, y, 0.0, 0.0), (x * given[0] + y * given[1]) / self.body.leg) for x, y in axes)
         return replace(self, means=(*self.means, *found))
 
     def height(self, frames: Frames, height: ArrayLike) -> Constraints:
-        """The pelvis is at a height above the floor, (,) or (K,) [m]."""
-        first = self.layout.blocks[PATH].start + 2
-        return self._with(slice(first, first + 1), frames, np.asarray(height, float)[..., None] / self.body.leg)
+        """The pelvis is at a height above the floor, (,) or (K,) [m].
+
+        Raises:
+            SamplingError: another shape, or a height that the body does not reach by then.
+        """
+        first, given = self.layout.blocks[PATH].start + 2, np.asarray(height, float)[..., None]
+        self._require_near("height", frames, given)
+        return self._with(slice(first, first + 1), frames, given / self.body.leg)
 
     def angles(self, joint: str, frames: Frames, angles: ArrayLike) -> Constraints:
         """A joint has an angle, or three.
@@ -181,7 +200,7 @@ class Constraints:
             angles: of a hinge (,) or (K,), of three coordinates in the order of `skeleton.JOINTS` (3,) or (K, 3) [rad].
 
         Raises:
-            ValueError: unknown joint, or another shape.
+            SamplingError: unknown joint, or another shape.
         """
         start = self.layout.blocks[ROTATIONS].start + PELVIS_SIZE
         if joint in HINGES:
@@ -191,24 +210,28 @@ class Constraints:
         number = _index(joint, (*names, *HINGES), "joint")
         given = np.asarray(angles, float)
         if given.shape[-1:] != (3,):
-            raise ValueError(f"{joint}: angles have shape {given.shape}, expected (3,) or (K, 3)")
+            raise SamplingError(f"{joint}: angles have shape {given.shape}, expected (3,) or (K, 3)")
         joints = np.zeros((*given.shape[:-1], len(JOINTS)))
         joints[..., [JOINTS.index(name) for name in BALLS[number]]] = given
         first = start + 6 * number
         return self._with(slice(first, first + 6), frames, six(ball_matrices(joints)[..., number, :, :]))
 
     def torque(self, joint: str, frames: Frames, torque: ArrayLike) -> Constraints:
-        """A joint has a torque, (,) or (K,) [N·m]."""
+        """A joint has a torque, (,) or (K,) [N·m].
+
+        Raises:
+            SamplingError: unknown joint, or another shape.
+        """
         return self._torques(TORQUES, joint, frames, torque)
 
     def torque_limit(self, joint: str, frames: Frames, limit: ArrayLike) -> Constraints:
         """A joint's torque is no larger than a limit in either direction, (,) or (K,) [N·m].
 
         Raises:
-            ValueError: unknown joint, another shape, or a negative limit.
+            SamplingError: unknown joint, another shape, or a negative limit.
         """
         if np.min(limit) < 0:
-            raise ValueError(f"{joint}: torque limit is {np.min(limit):g} N·m, expected 0 or more")
+            raise SamplingError(f"{joint}: torque limit is {np.min(limit):g} N·m, expected 0 or more")
         return self._torques(TORQUE_LIMITS, joint, frames, limit)
 
     def contact_force(self, side: str, frames: Frames, force: ArrayLike, place: ArrayLike | None = None) -> Constraints:
@@ -221,7 +244,7 @@ class Constraints:
             place: centre of pressure on the floor, (2,) or (K, 2) [m]; None where it is free.
 
         Raises:
-            ValueError: unknown side, or another shape.
+            SamplingError: unknown side, or another shape.
         """
         number = _index(side, SIDES, "side")
         first = self.layout.blocks[FORCES].start + 3 * number
@@ -236,11 +259,12 @@ class Constraints:
         """A muscle is active, (,) or (K,) in [0, 1].
 
         Raises:
-            ValueError: the model has no such muscle, or another shape.
+            SamplingError: the model has no such muscle, or another shape.
         """
         muscles = self.layout.layout.muscles
         if not 0 <= muscle < muscles:
-            raise ValueError(f"muscle {muscle}: expected 0 to {muscles - 1}" if muscles else "the model has no muscles")
+            there = f"expected 0 to {muscles - 1}" if muscles else "the model has no muscles"
+            raise SamplingError(f"muscle {muscle}: {there}")
         first = self.layout.blocks[ACTIVATIONS].start + muscle
         return self._with(slice(first, first + 1), frames, np.asarray(activation, float)[..., None])
 
@@ -249,19 +273,48 @@ class Constraints:
         unit = self.body.mass * GRAVITY * self.body.leg
         return self._with(slice(column, column + 1), frames, np.asarray(torque, float)[..., None] / unit)
 
+    def _chosen(self, frames: Frames) -> NDArray[np.intp]:
+        """Numbers of frames of the window, (K,); negative ones are counted from its end, as by NumPy."""
+        every = np.arange(len(self.mask))
+        expected = f"expected some of 0 to {len(every) - 1}, the frames of a window"
+        try:
+            chosen = np.atleast_1d(every[frames if isinstance(frames, (int, slice)) else np.asarray(frames, np.intp)])
+        except IndexError as error:
+            raise SamplingError(f"frames {frames!r}: {expected}") from error
+        if isinstance(frames, slice) and not len(chosen):
+            raise SamplingError(f"frames {frames!r}: {expected}")
+        return chosen
+
+    def _require_near(self, what: str, frames: Frames, place: Float) -> None:
+        """Raise `SamplingError` where a place, of coordinates (…, 1 to 3) [m], is farther off than a body gets."""
+        farthest = self.body.height + FASTEST * (self._chosen(frames).max(initial=0) + 1) / self.layout.layout.fps
+        away = float(np.sqrt(np.nansum(np.square(place), axis=-1)).max(initial=0.0))
+        if not away <= farthest:
+            raise SamplingError(
+                f"{what}: {away:.3g} m away, expected {farthest:.3g} m at most: the body's height, and {FASTEST:g} m/s"
+                " until then"
+            )
+
     def _with(self, columns: slice, frames: Frames, values: Float) -> Constraints:
         """With values in some columns of some frames; NaN: not asked."""
-        chosen = np.atleast_1d(np.arange(len(self.mask))[frames if isinstance(frames, (int, slice)) else list(frames)])
+        chosen = self._chosen(frames)
         shape = (len(chosen), columns.stop - columns.start)
         try:
             given = np.broadcast_to(values, shape)
         except ValueError:
-            raise ValueError(f"values have shape {values.shape}, expected {shape} or {shape[1:]}") from None
+            raise SamplingError(f"values have shape {values.shape}, expected {shape} or {shape[1:]}") from None
+        if np.isinf(given).any():
+            raise SamplingError(f"values of frames {frames!r}: one is infinite, expected numbers, NaN for a free one")
         found, mask = self.values.copy(), self.mask.copy()
         asked = ~np.isnan(given)
         found[chosen, columns] = np.where(asked, given, found[chosen, columns])
         mask[chosen, columns] |= asked
         return replace(self, values=found, mask=mask)
+
+
+def _require_finite(what: str, *values: float) -> None:
+    if not np.isfinite(values).all():
+        raise SamplingError(f"{what}: a value is {', '.join(f'{value:g}' for value in values)}, expected finite ones")
 
 
 def _ball_name(ball: tuple[str, ...]) -> str:
@@ -271,5 +324,5 @@ def _ball_name(ball: tuple[str, ...]) -> str:
 
 def _index(name: str, names: Sequence[str], what: str) -> int:
     if name not in names:
-        raise ValueError(f"{what} {name!r}: expected one of {', '.join(names)}")
+        raise SamplingError(f"{what} {name!r}: expected one of {', '.join(names)}")
     return list(names).index(name)

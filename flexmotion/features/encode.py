@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from flexmotion.configs.errors import SamplingError
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
 from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
@@ -35,12 +36,12 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
             ankles.
 
     Raises:
-        ValueError: frame rate or number of muscles differ from the layout.
+        SamplingError: frame rate or number of muscles differ from the layout.
     """
     if abs(motion.fps - layout.fps) > 1e-3 * layout.fps:
-        raise ValueError(f"motion has {motion.fps:g} fps, the layout {layout.fps:g}")
+        raise SamplingError(f"motion has {motion.fps:g} fps, the layout {layout.fps:g}")
     if motion.activations is not None and layout.muscles not in (0, motion.activations.shape[1]):
-        raise ValueError(f"motion has {motion.activations.shape[1]} muscles, the layout {layout.muscles}")
+        raise SamplingError(f"motion has {motion.activations.shape[1]} muscles, the layout {layout.muscles}")
     features = np.zeros((len(motion), layout.size), np.float32)
     if not len(motion):
         return features

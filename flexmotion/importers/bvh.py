@@ -20,6 +20,10 @@ from flexmotion.importers.capture import Capture
 Float = NDArray[np.float64]
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+HALF_TURN = 3.2
+"""No rotation of a file in radians is greater: half a turn [rad], and some rounding."""
+MOVING = 0.3
+"""A rotation that changes by more than this is of motion [rad]; in degrees nobody holds that still."""
 END = "/end"
 """Suffix of an end site, after the name of its joint."""
 
@@ -53,6 +57,7 @@ def read_bvh(path: Path) -> Capture:
         rotations=rotations,
         parents=tuple(joint.parent for joint in joints),
         zero_positions=_zero_positions(joints),
+        warnings=_in_radians(joints, table),
     )
 
 
@@ -224,6 +229,24 @@ def _local_rotations(joints: list[Joint], table: Float) -> dict[int, Float]:
         matrices = Rotation.from_euler(order, angles, degrees=True).as_matrix().reshape(len(table), -1, 3, 3)
         local.update({index: matrices[:, at] for at, (index, _) in enumerate(members)})
     return local
+
+
+def _in_radians(joints: list[Joint], table: Float) -> tuple[str, ...]:
+    """A warning where every rotation is so small that it is of a statue, or in radians."""
+    named = [
+        (joint.column + at, f"{channel} of joint {joint.name!r}")
+        for joint in joints
+        for at, channel in enumerate(joint.channels)
+        if channel.endswith("rotation")
+    ]
+    if not named:
+        return ()
+    angles = table[:, [column for column, _ in named]]
+    greatest = np.abs(angles).max(axis=0)
+    if greatest.max() > HALF_TURN or np.ptp(angles, axis=0).max() < MOVING:
+        return ()
+    channel = named[int(np.argmax(greatest))][1]
+    return (f"no rotation is beyond ±{greatest.max():.3g} ({channel}), expected degrees: are they in radians?",)
 
 
 def _zero_positions(joints: list[Joint]) -> Float:

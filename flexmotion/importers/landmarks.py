@@ -117,7 +117,7 @@ def all_landmarks(
     columns = {point: capture.select(markers(joint)) for point, joint in mapping.joints.items()}
     raw = {point: capture.positions[:, column].mean(axis=1) for point, column in columns.items()}
     up = up or mapping.up or _guess_up(raw)
-    length = _leg(raw)
+    length = leg_length(raw)
     if not length > 0:
         raise MotionFormatError(f"{capture.path}: the legs have no length, hips, knees and ankles coincide")
     scale, wrong = metres_per_unit(LEG, length, capture, units, mapping.units)
@@ -164,7 +164,7 @@ def _guess_up(raw: dict[str, Float]) -> Up:
     return "y" if np.median(rise[:, 1]) >= np.median(rise[:, 2]) else "z"
 
 
-def _leg(points: dict[str, Float]) -> float:
+def leg_length(points: dict[str, Float]) -> float:
     """Hip to ankle over the knee, median over frames, mean of both sides."""
     bones = [
         points[f"{b}_{side}"] - points[f"{a}_{side}"] for a, b in (("hip", "knee"), ("knee", "ankle")) for side in "lr"

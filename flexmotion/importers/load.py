@@ -27,13 +27,14 @@ from flexmotion.importers.c3d import read_c3d
 from flexmotion.importers.capture import Capture, without_prefix
 from flexmotion.importers.fit import FitError, fit, fit_errors
 from flexmotion.importers.joint_gaps import complete_joints
-from flexmotion.importers.landmarks import Landmarks, landmarks
+from flexmotion.importers.landmarks import Landmarks, landmarks, leg_length
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, find_mapping
 from flexmotion.importers.marker_capture import joint_capture
 from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints
 from flexmotion.importers.trc import read_trc
+from flexmotion.importers.upright_check import check_upright
 from flexmotion.importers.way_check import check_rate, check_way
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
@@ -237,7 +238,12 @@ def own_motion(
         motion = replace(motion.kinematics, contacts=motion.contacts)
     motion = replace(motion, mass_given=given)
     motion = motion if fps is None else resample(motion, fps)
-    return Import(motion, warnings=tuple(notes), mass_guess=guess)
+    return Import(motion, warnings=(*notes, *_pose(motion)), mass_guess=guess)
+
+
+def _pose(motion: Motion) -> list[str]:
+    """A warning about a single frame."""
+    return ["1 frame: a pose, no motion; a robot follows two frames or more"] if len(motion) < 2 else []
 
 
 def _has(motion: Motion, name: str) -> bool:
@@ -268,6 +274,7 @@ def fit_capture(
         found = landmarks(capture, chosen, units=units, up=up)
     hips = (found.points["hip_l"] + found.points["hip_r"]) / 2
     jumps = check_way(found.path, found.fps, hips, round((found.start - capture.start) * found.fps))
+    turned = check_upright(found.points, leg_length(found.points), found.up)
     found, velocity, said = remove_belt(found, belt)
     if fps is not None:
         found = found.resampled(fps)
@@ -277,13 +284,13 @@ def fit_capture(
     if capture.rotations is None:
         motion = refine(motion, found)
         errors = fit_errors(found, forward(motion))
-    notes = [*found.warnings, *jumps, *said]
+    notes = [*found.warnings, *jumps, *turned, *said, *_pose(motion)]
     body, guess = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body, mass_given=mass is not None)
     placed = on_floor(from_origin(motion))
     place = _placement(motion, placed, found)
-    turned = Rotation.from_euler("z", -place.heading).apply([*velocity, 0.0])[:2]
-    return Import(placed, chosen.name, errors, turned, tuple(notes), guess, place)
+    belt_velocity = Rotation.from_euler("z", -place.heading).apply([*velocity, 0.0])[:2]
+    return Import(placed, chosen.name, errors, belt_velocity, tuple(notes), guess, place)
 
 
 def _placement(before: Motion, after: Motion, found: Landmarks) -> Placement:

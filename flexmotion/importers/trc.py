@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.marker_names import unique_names
+from flexmotion.importers.trc_times import frame_numbers
 from flexmotion.importers.units import METRES, UNITS
 
 Float = NDArray[np.float64]
@@ -22,7 +23,8 @@ def read_trc(path: Path) -> Capture:
     """Positions of every marker in metres, NaN where a marker is missing: an empty field, `nan`, or three zeros.
 
     Raises:
-        MotionFormatError: not a TRC file; names the line and what was expected.
+        MotionFormatError: not a TRC file, or its times are not those of its frames; names the line and what was
+            expected.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
@@ -41,13 +43,18 @@ def read_trc(path: Path) -> Capture:
     labels = _labels(lines[3])
     if not labels:
         raise MotionFormatError(f"{path}, line 4: no names of markers")
-    rows = [_row(path, number, line, len(labels)) for number, line in enumerate(lines[5:], 6) if line.strip()]
-    if not rows:
+    numbered = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    if not numbered:
         raise MotionFormatError(f"{path}: no frames")
-    table = np.array(rows)
-    positions = METRES[unit] * table[:, 1:].reshape(len(rows), len(labels), 3)
+    rows = np.array([_row(path, number, line, len(labels)) for number, line in numbered])
+    at, late = frame_numbers(str(path), rows[:, 0], [number for number, _ in numbered], fps)
+    # Frames that are left out are gaps of all markers.
+    table = np.full((at[-1] + 1, rows.shape[1]), np.nan)
+    table[at] = rows
+    positions = METRES[unit] * table[:, 1:].reshape(len(table), len(labels), 3)
     positions[(positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)] = np.nan
     names, positions, notes = unique_names(labels, positions)
+    notes += late
     if len(labels) != count:
         notes.append(f"{len(labels)} names of markers, NumMarkers says {count}")
     if len(rows) != frames:

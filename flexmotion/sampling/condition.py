@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
+from flexmotion.configs.errors import SamplingError
 from flexmotion.features.constraints import Constraints
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.rhythm import Rhythm
+
+GREATEST_VELOCITY = (6.0, 3.0, 6.0)
+"""Greatest velocity that may be asked for, in either direction [m/s, m/s, rad/s]: twice that of a live target
+(`streamer.motion.intents.FASTEST`). Words mean up to 3.45 m/s ("dash"), and mirrored people are fast."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,10 @@ class Condition:
         pose: in which the arms are kept, or the gesture that they and the head make; None: they move as sampled,
             and words of a rhythm begin with this window.
         held: whether the pose that is asked for is reached, so that the window is quiet.
+
+    Raises:
+        SamplingError: a number is not finite, a velocity has not three of them or is beyond `GREATEST_VELOCITY`, or
+            the noise is negative.
     """
 
     text: str | None = None
@@ -48,7 +58,36 @@ class Condition:
     pose: KeptPose | Rhythm | None = None
     held: bool = False
 
+    def __post_init__(self) -> None:
+        _require_velocity("velocity", self.velocity, "within " + _bounds(), GREATEST_VELOCITY)
+        _require_velocity("asked", self.asked, "that are finite", (float("inf"),) * 3)
+        for name, least in (("guidance", None), ("manner_guidance", None), ("noise", 0.0)):
+            value = getattr(self, name)
+            if value is not None and not (_is_finite(value) and (least is None or value >= least)):
+                expected = "a finite number" + ("" if least is None else f", {least:g} or more")
+                raise SamplingError(f"Condition.{name} is {value!r}, expected {expected}")
+
     @property
     def constrained(self) -> Constraints | None:
         """The constraints where they ask for anything, else None."""
         return self.constraints if self.constraints is not None and self.constraints.asked else None
+
+
+def _require_velocity(name: str, value: tuple[float, ...] | None, expected: str, greatest: tuple[float, ...]) -> None:
+    if value is None:
+        return
+    fine = len(value) == len(greatest) and all(map(_is_finite, value))
+    if not fine or any(abs(number) > most for number, most in zip(value, greatest, strict=True)):
+        units = "forward m/s, left m/s, turning rad/s"
+        raise SamplingError(f"Condition.{name} is {value!r}, expected three numbers {expected}: {units}")
+
+
+def _bounds() -> str:
+    return f"[{', '.join(f'±{most:g}' for most in GREATEST_VELOCITY)}]"
+
+
+def _is_finite(value: object) -> bool:
+    try:
+        return isfinite(value)  # type: ignore[arg-type]
+    except TypeError:
+        return False

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.errors import SamplingError
 from flexmotion.features.constraint_layout import (
     BLOCKS,
     CENTRES,
@@ -81,17 +82,17 @@ def check(constraints: Constraints, bundle: Bundle, balanced: bool, *, branch: b
         branch: whether a control branch is used for them.
 
     Raises:
-        ValueError: they are of another layout, body or number of frames, or of what the model cannot follow.
+        SamplingError: they are of another layout, body or number of frames, or of what the model cannot follow.
     """
     name, frames = bundle.manifest.name, bundle.manifest.future
     if constraints.layout.layout != bundle.layout or constraints.body != bundle.body:
-        raise ValueError(f"the constraints are of another layout or body than model {name}'s")
+        raise SamplingError(f"the constraints are of another layout or body than model {name}'s")
     if len(constraints.mask) != frames:
-        raise ValueError(f"the constraints have {len(constraints.mask)} frames, a window has {frames}")
+        raise SamplingError(f"the constraints have {len(constraints.mask)} frames, a window has {frames}")
     for block in () if branch or balanced else OF_BALANCED:
         if constraints.mask[:, constraints.layout.blocks[block]].any():
             lacks = "has no control branch" + (" in this manner" if bundle.has_control else "")
-            raise ValueError(f"constraints of {block}: model {name} {lacks} and its windows are not balanced")
+            raise SamplingError(f"constraints of {block}: model {name} {lacks} and its windows are not balanced")
 
 
 class ConstraintSolver:

@@ -177,6 +177,8 @@ class Requests:
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
         """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.
 
+        What is not asked is zero: the network multiplies it by its presence, and a NaN of an earlier one would stay.
+
         Args:
             condition: the request.
             remembered: features of the history, not normalised, (H, F).
@@ -186,7 +188,8 @@ class Requests:
             ConfigError: the model does not know its manner.
         """
         present = inputs["present"]
-        present[:] = 0.0
+        for name in ("sentence", "velocity", "present", *(("manner",) if self._manifest.manner else ())):
+            inputs[name][:] = 0.0
         velocity = self._velocity(condition, remembered)
         if velocity is not None:
             inputs["velocity"][:] = velocity

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from operator import index
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from onnxruntime import InferenceSession
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, SamplingError
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -160,11 +161,11 @@ class Sampler:
             history: the last frames, of the bundle's body, at its frame rate; `remembers` of them determine the
                 sample. With fewer, motion before them is taken as even.
             condition: the request.
-            seed: of the noise.
+            seed: of the noise, 0 or more.
 
         Raises:
-            ValueError: the history is empty, or has another frame rate or body; or constraints are of another model, or
-                of what it cannot follow.
+            SamplingError: the history is empty, or has another frame rate or body; or constraints are of another model,
+                or of what it cannot follow; or the seed is negative or no whole number.
             ConfigError: a network of the bundle fails.
         """
         return self.extend(history, condition, seed).window
@@ -176,7 +177,7 @@ class Sampler:
             history, condition, seed: see `sample`.
 
         Raises:
-            ValueError, ConfigError: see `sample`.
+            SamplingError, ConfigError: see `sample`.
         """
         constraints = condition.constrained
         if constraints is not None:
@@ -236,9 +237,9 @@ class Sampler:
     def _remember(self, history: Motion) -> Float32:
         """Features of the history, not normalised, (H, F)."""
         if not len(history):
-            raise ValueError("the history has no frames")
+            raise SamplingError("the history has no frames")
         if history.body != self.body:
-            raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
+            raise SamplingError(f"the history is of {history.body}, the bundle's human is {self.body}")
         last = history[max(0, len(history) - self.history - LEAD) :]
         # The inputs of the networks are kinematic.
         encoded = encode(last.kinematics, self.layout)
@@ -257,7 +258,7 @@ class Sampler:
         self.requests.write(condition, remembered, inputs)
         if manifest.guided:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
-        noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
+        noisy = _generator(seed).standard_normal((1, manifest.latent), np.float32)
         noisy *= self.requests.noise(condition)
 
         def estimate(noisy: Float32, time: int) -> Float32:
@@ -304,3 +305,11 @@ class Sampler:
     @property
     def _source(self) -> str:
         return f"model:{self.name}"
+
+
+def _generator(seed: int) -> np.random.Generator:
+    """Random numbers of a seed. Raises `SamplingError` where it is negative or no whole number."""
+    try:
+        return np.random.default_rng(index(seed))
+    except (TypeError, ValueError) as error:
+        raise SamplingError(f"seed is {seed!r}, expected a whole number, 0 or more") from error

@@ -22,6 +22,9 @@ next: of 768 windows with constraints a batch takes 170 MB of shared memory."""
 ENDLESS = 1 << 31
 """More steps than any training has."""
 
+_SIGNALS = {signal.SIGINT: signal.SIG_IGN, signal.SIGHUP: signal.SIG_IGN, signal.SIGTERM: signal.SIG_DFL}
+"""What signals do in those processes, which were forked with the handlers of their parent."""
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -91,7 +94,12 @@ def _as_drawn(batch: Batch) -> Batch:
 
 
 def _end_with(parent: int, worker: int) -> None:
-    """End when the parent is killed: a batch that waits in a full pipe would keep the process alive."""
+    """End when the parent ends, not before: a batch that waits in a full pipe would keep the process alive.
+
+    A terminal sends its signals to all processes; the parent needs a batch more to end its step and to save.
+    """
+    for number, handler in _SIGNALS.items():
+        signal.signal(number, handler)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # killed before the line above, which tells of a later end only

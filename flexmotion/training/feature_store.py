@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
+import logging
 import os
 from collections.abc import Callable, Iterator
 from copy import copy
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.meaning import clip_kind, shown
 from flexmotion.dataset.training_set import SetClip
@@ -30,8 +30,18 @@ from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.human_tensors import LOADS
 from flexmotion.training.onsets import TOLD_BY, WITHIN_S, onset
+from flexmotion.training.store_index import (
+    INDEX,
+    Entry,
+    changes,
+    clip_entries,
+    is_of,
+    key_of,
+    licences_of,
+    stored_frames,
+)
 
-INDEX = "index.json"
+log = logging.getLogger(__name__)
 
 RECORDED = ("original", "mirror")
 """Variants of a clip that were recorded; the others are made from it by augmentation."""
@@ -39,8 +49,8 @@ RECORDED = ("original", "mirror")
 TRAINING = "train"
 """The split that a model learns from."""
 
-CONTENT = 2
-"""Increased when a store of the same set holds more; 2: with external loads and error estimates."""
+HELD_OUT = "validation"
+"""The split that a training is validated on."""
 
 
 @dataclass(frozen=True)
@@ -161,33 +171,46 @@ class FeatureStore:
 
 
 def build_store(
-    source: MotionSet, layout: Layout, folder: Path, progress: Callable[[float], None] = lambda done: None
+    source: MotionSet,
+    layout: Layout,
+    folder: Path,
+    progress: Callable[[float], None] = lambda done: None,
+    *,
+    begun: bool = False,
 ) -> FeatureStore:
-    """Compute the features of a set, or open those already computed from the same set and layout.
+    """Compute the features of a set, or open those already computed from the same motion and layout.
+
+    Splits, labels and captions are always those of the set; what changed is logged.
 
     Args:
         source: set of clips.
         layout: of the features.
         folder: of the store.
         progress: called with the share done, 0 to 1.
+        begun: whether weights were trained on the features that are there: they and their statistics stay.
 
     Raises:
         MotionFormatError: the set has no clip to train on, or lacks a field, muscles or joint contact forces that the
             layout has.
+        ConfigError: weights were trained on the features of another set.
     """
-    if not any(clip.split == TRAINING for clip in source.clips):
-        raise MotionFormatError(
-            f"no clip of this set is in the split {TRAINING!r}, but in {_splits(source)}; give the clips to train on"
-            f" {TRAINING!r} in the column 'split' of their index, and build the set anew"
-        )
-    key = _key(source, layout)
-    index = folder / INDEX
-    if index.is_file() and json.loads(index.read_text(encoding="utf-8"))["key"] == key:
-        return FeatureStore(folder)
+    require_split(source, TRAINING, "to train on")
+    index, key, entries = folder / INDEX, key_of(source, layout), clip_entries(source, layout)
+    if index.is_file():
+        there = json.loads(index.read_text(encoding="utf-8"))
+        same = is_of(there, source, layout, entries)
+        if begun and not same:
+            before, now = _size(there.get("set", "another set"), there["clips"]), _size(source.name, entries)
+            raise ConfigError(
+                f"{folder}: the training there is on {before}, --set is {now}{' with other motion' * (before == now)};"
+                " leave --set away to go on, or give another folder for a new training. To go on with these weights on"
+                " another set, 'export --weights' and begin a new folder with --from"
+            )
+        if same and (begun or there["key"] == key):
+            return _described(folder, there, source, entries, begun)
     folder.mkdir(parents=True, exist_ok=True)
     index.unlink(missing_ok=True)
-    counts = [_frames(clip, layout.fps) for clip in source.clips]
-    total = sum(counts)
+    total = sum(entry["frames"] for entry in entries)
     features = np.lib.format.open_memmap(
         folder / "features.npy", mode="w+", dtype=np.float16, shape=(total, layout.size)
     )
@@ -197,49 +220,72 @@ def build_store(
         "loads": np.empty((total, LOADS, 3), np.float16),
         "force_error": np.empty(total, np.float16),
     }
-    clips, start = [], 0
-    for clip, count in zip(source.clips, counts, strict=True):
-        rows = slice(start, start + count)
+    for clip, entry in zip(source.clips, entries, strict=True):
+        rows = slice(entry["start"], entry["start"] + entry["frames"])
         features[rows], found = _of_clip(source, clip, layout)
         for name, values in found.items():
             beside[name][rows] = values
-        clips.append(
-            {
-                "name": clip.name,
-                "start": start,
-                "frames": count,
-                "split": clip.split,
-                "variant": clip.variant,
-                "labels": clip.info["labels"],
-                "captions": [caption["text"] for caption in clip.info["captions"]],
-                "spans": [_span(caption, count / layout.fps) for caption in clip.info["captions"]],
-                "body": clip.info["body"],
-            }
-        )
-        start += count
-        progress(start / total)
+        progress(rows.stop / total)
     features.flush()
     for name, values in beside.items():
         np.save(folder / f"{name}.npy", values)
-    statistics = Statistics.of(_training_sample(features, clips), layout)
-    np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
+    _write_statistics(folder, features, entries, layout)
     content = {
         "format": FORMAT,
         "key": key,
+        "set": source.name,
         "fps": layout.fps,
         "muscles": layout.muscles,
         "joint_contact": layout.joint_contact,
-        "licences": sorted({clip.info["licence"] for clip in source.clips if clip.info["licence"]}),
-        "clips": clips,
+        "licences": licences_of(source),
+        "clips": entries,
     }
-    temporary = index.with_suffix(".tmp")
-    temporary.write_text(json.dumps(content), encoding="utf-8")
-    os.replace(temporary, index)
+    _write_index(index, content)
     return FeatureStore(folder)
 
 
-def _splits(source: MotionSet) -> str:
-    return " and ".join(sorted({repr(clip.split) for clip in source.clips})) or "none"
+def _described(
+    folder: Path, there: dict[str, Any], source: MotionSet, entries: list[Entry], begun: bool
+) -> FeatureStore:
+    """The store of a folder, with its clips described as a set of the same motion describes them now."""
+    store = FeatureStore(folder)
+    if not (changed := changes(there["clips"], entries)):
+        return store
+    training = ([entry["name"] for entry in clips if entry["split"] == TRAINING] for clips in (there["clips"], entries))
+    about, moved = "", next(training) != next(training)
+    if begun and moved:
+        about = "; the statistics stay, and figures of clips that were trained on before are too good"
+    elif moved:
+        _write_statistics(folder, store.features, entries, store.layout)
+    _write_index(folder / INDEX, there | {"licences": licences_of(source), "clips": entries})
+    log.warning("%s: %s changed in the set, and here%s", folder, changed, about)
+    return FeatureStore(folder)
+
+
+def _write_index(index: Path, content: dict[str, Any]) -> None:
+    temporary = index.with_suffix(f".{os.getpid()}.tmp")
+    temporary.write_text(json.dumps(content), encoding="utf-8")
+    os.replace(temporary, index)
+
+
+def _write_statistics(folder: Path, features: np.ndarray, clips: list[Entry], layout: Layout) -> None:
+    statistics = Statistics.of(_training_sample(features, clips), layout)
+    np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
+
+
+def _size(name: str, entries: list[Entry]) -> str:
+    return f"{name} ({len(entries)} clips, {sum(entry['frames'] for entry in entries)} frames)"
+
+
+def require_split(source: MotionSet, split: str, purpose: str) -> None:
+    """Raise `MotionFormatError` where no clip of a set is in a split; `purpose` says what those clips are for."""
+    if any(clip.split == split for clip in source.clips):
+        return
+    there = " and ".join(sorted({repr(clip.split) for clip in source.clips})) or "none"
+    raise MotionFormatError(
+        f"no clip of this set is in the split {split!r}, but in {there}; give the clips {purpose}"
+        f" {split!r} in the column 'split' of their index, and build the set anew"
+    )
 
 
 def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -261,7 +307,7 @@ def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarr
     loads = np.concatenate([level.loads, np.broadcast_to(weight, (len(motion), 1, 3))], axis=1)
     error = np.linalg.norm(source.force_error(clip), axis=1).clip(0.0, float(np.finfo(np.float16).max))
     if not same_rate(motion.fps, layout.fps):
-        frames = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps
+        frames = np.arange(stored_frames(clip, layout.fps)) * motion.fps / layout.fps
         nearest = np.minimum(np.round(frames).astype(int), len(motion) - 1)
         good, error = good[nearest], error[nearest]
         centres, loads = (resample_signal(values, motion.fps, layout.fps) for values in (centres, loads))
@@ -275,27 +321,15 @@ def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarr
     return encode(motion, layout, centres), beside
 
 
-def _frames(clip: SetClip, fps: float) -> int:
-    """Number of frames of a clip at another rate, as `resample` gives."""
-    if same_rate(clip.fps, fps):
-        return clip.frames
-    return len(resample_signal(np.zeros(clip.frames), clip.fps, fps))
-
-
-def _training_sample(features: np.ndarray, clips: list[dict[str, Any]]) -> np.ndarray:
+def _training_sample(features: np.ndarray, clips: list[Entry]) -> np.ndarray:
     """Every fourth frame of the training clips."""
     return np.concatenate([np.asarray(part, np.float32) for part in _parts(features, clips)])
 
 
-def _parts(features: np.ndarray, clips: list[dict[str, Any]]) -> Iterator[np.ndarray]:
+def _parts(features: np.ndarray, clips: list[Entry]) -> Iterator[np.ndarray]:
     for clip in clips:
         if clip["split"] == TRAINING:
             yield features[clip["start"] : clip["start"] + clip["frames"] : 4]
-
-
-def _key(source: MotionSet, layout: Layout) -> str:
-    content = json.dumps([source.hashes, layout.hash, CONTENT], sort_keys=True)
-    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def _body(row: dict[str, Any]) -> Body:
@@ -306,14 +340,3 @@ def _body(row: dict[str, Any]) -> Body:
 def _captions(item: dict[str, Any]) -> dict[str, Any]:
     spans = tuple((start, end) for start, end in item.get("spans", ()))
     return {"captions": tuple(item["captions"]), "spans": spans}
-
-
-WHOLE_S = 1.0
-"""A caption that begins and ends this near to its clip's start and end is one of the whole clip [s]."""
-
-
-def _span(caption: dict[str, Any], seconds: float) -> tuple[float, float]:
-    """Start and end of a caption [s]; zeros where it is one of the whole clip."""
-    start, end = float(caption["start"]), float(caption["end"])
-    whole = not end or (start <= WHOLE_S and end >= seconds - WHOLE_S)
-    return (0.0, 0.0) if whole else (start, end)

@@ -27,17 +27,18 @@ from flexmotion.text.manners import NORMAL
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
-from flexmotion.training.checkpoints import BEST, is_trained
+from flexmotion.training.checkpoints import BEST, LAST, is_trained
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.examples import Examples, Halves, SetExamples
-from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
+from flexmotion.training.feature_store import FeatureStore, build_store
 from flexmotion.training.own_samples import OwnSamples
 from flexmotion.training.processes import Processes
 from flexmotion.training.release import begin_to_export
 from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, RELEASED, Run
 from flexmotion.training.set_summary import SUMMARY
 from flexmotion.training.stage import Task
+from flexmotion.training.store_index import INDEX
 
 
 class PersonalTask:
@@ -165,8 +166,12 @@ def personal_task(
         data: set of the person's clips, made by `data build`.
         manner: as in `personal_run`.
         progress: called with the share of the features computed, 0 to 1.
+
+    Raises:
+        ConfigError: the personalisation that has begun is on other clips.
     """
-    store = build_store(open_set(data), run.layout, run.folder / PERSON, progress)
+    begun = (run.stage("diffusion") / LAST).is_file()
+    store = build_store(open_set(data), run.layout, run.folder / PERSON, progress, begun=begun)
     person, kept = _person_and_rest(run, store, impersonal(trained).stage("diffusion"), (manner,))
     return PersonalTask(kept, person)
 

@@ -33,10 +33,11 @@ from flexmotion.training.export import (
     require_bundle_folder,
     write_denoiser,
 )
-from flexmotion.training.feature_store import INDEX, FeatureStore
+from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.run import PERSON, Run
+from flexmotion.training.store_index import INDEX
 
 NETWORK = "person-{}.onnx"
 """Denoiser of a person, numbered from 1."""

@@ -20,11 +20,12 @@ from flexmotion.dataset.collections import only
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
-from flexmotion.training.checkpoints import is_trained
-from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
+from flexmotion.training.checkpoints import BEST, LAST, is_trained
+from flexmotion.training.feature_store import HELD_OUT, FeatureStore, build_store, require_split
 from flexmotion.training.format import CONFIG_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
 from flexmotion.training.set_summary import SetSummary, summarise
+from flexmotion.training.store_index import INDEX
 
 CONFIG, FEATURES = "config.yaml", "features"
 CORRECTIONS_FROM = 2
@@ -132,7 +133,8 @@ class Run:
     ) -> FeatureStore:
         """Features of a set, computed on first use; without a set, those computed before.
 
-        A run that began from a release keeps the statistics by which the release's networks see features.
+        A run that began from a release keeps the statistics by which the release's networks see features. A training
+        that has begun keeps its set.
 
         Args:
             data: training set; None to open the features in the folder.
@@ -141,12 +143,14 @@ class Run:
 
         Raises:
             ConfigError: the features have not been computed, or their format is too old or too new, or the set lacks
-                one of the collections.
-            MotionFormatError: there is no set, or it lacks a field.
+                one of the collections, or the training that has begun is on another set.
+            MotionFormatError: there is no set, or it lacks a field, or clips to train on.
         """
         folder = self.folder / FEATURES
         if data is not None:
-            store = build_store(only(open_set(data), collections), self.layout, folder, progress)
+            source = only(open_set(data), collections)
+            require_split(source, HELD_OUT, "to validate on")
+            store = build_store(source, self.layout, folder, progress, begun=self.is_begun)
         elif self.has_features:
             store = FeatureStore(folder)
         else:
@@ -154,6 +158,12 @@ class Run:
         if self.origin is not None:
             store.statistics = SetSummary.read(self.folder).statistics
         return store
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether a stage has been trained here; weights of a release have statistics of their own, and no set yet."""
+        names = (LAST,) if self.origin is not None else (LAST, BEST)
+        return any(next(self.folder.glob(f"*/{name}"), None) is not None for name in names)
 
     @property
     def has_features(self) -> bool:

@@ -88,8 +88,9 @@ def train_stage(
     progress: Callable[[Progress], None] = lambda progress: None,
     processes: Processes | None = None,
     pretrained: bool = False,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Progress:
-    """Train until the stage's steps are done or the time is over, and save the state.
+    """Train until the stage's steps are done, the time is over or a stop is asked for, and save the state.
 
     A stage whose `best.pt` is of a release goes on at the step of those weights. A release has no state of the
     optimiser: its averages begin anew, and the learning rate rises once more over the stage's warm-up.
@@ -106,9 +107,10 @@ def train_stage(
         progress: called after every step.
         processes: that train; None for those of the environment.
         pretrained: the task starts with trained weights, which are kept unless better ones are found.
+        stop: asked after every step, whether to save at once and end, in any process. Nothing is validated then.
 
     Returns:
-        State at the end; after no step at all the folder has no `best.pt`.
+        State at the end; after no step at all, or a stop before the first validation, the folder has no `best.pt`.
 
     Raises:
         ConfigError: the folder holds a training with another configuration or format.
@@ -117,14 +119,14 @@ def train_stage(
     training = _Training(task, stage, folder, fingerprint, group)
     begun = training.resume_or_begin()
 
-    def time_is_over() -> bool:
-        return group.any(seconds is not None and time.monotonic() - begin >= seconds)
+    def is_over() -> bool:
+        return group.any(stop() or (seconds is not None and time.monotonic() - begin >= seconds))
 
     begin = saved = time.monotonic()
     try:
         if begun or (pretrained and not training.step):
             training.validate()
-        while training.step < stage.steps and not time_is_over():
+        while training.step < stage.steps and not is_over():
             training.advance()
             if training.step % stage.validate_every == 0 or training.step == stage.steps:
                 training.validate()
@@ -132,7 +134,10 @@ def train_stage(
                 training.save()
                 saved = time.monotonic()
             progress(training.progress)
-        training.end()
+        if training.step < stage.steps and group.any(stop()):
+            training.save()
+        else:
+            training.end()
     finally:
         if isinstance(task, Closing):
             task.close()

@@ -61,7 +61,10 @@ class WindowSet:
             if clip.split == split and (variants or clip.recorded) and (window.padded or clip.frames >= length)
         ]
         if not chosen:
-            raise MotionFormatError(f"{store.folder}: no clip of split {split!r} has the {length} frames of a window")
+            raise MotionFormatError(
+                f"{store.folder}: no clip of split {split!r} has the {length} frames of a window; give longer clips"
+                f" {split!r} in the column 'split' of their index, and build the set anew"
+            )
         self.clips = np.array(chosen)
         clips = [store.clips[number] for number in chosen]
         self._start = np.array([clip.start for clip in clips])

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import typer
+
+from flexmotion.streamer.commands.exit_codes import INTERRUPTED
+from flexmotion.streamer.commands.first_signal import first_signal
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 if TYPE_CHECKING:
@@ -24,7 +28,8 @@ def train_and_report(
 ) -> None:
     """Train a stage of a run with a progress bar on stderr, and print the result, in the first process alone.
 
-    The processes leave their group after the training: this is the end of a command.
+    The first signal saves the state and ends the command; a second one ends it at once. The processes leave their group
+    after the training: this is the end of a command.
 
     Args:
         run: of the stage.
@@ -35,6 +40,9 @@ def train_and_report(
         as_json: print JSON.
         pretrained: digest of the trained weights that the task starts with; empty for a new network.
         examples: what it is trained on, where that is not the set: a stage does not go on with others.
+
+    Raises:
+        typer.Exit: a signal came.
     """
     from flexmotion.training.checkpoints import BEST, begun_from, read_checkpoint
     from flexmotion.training.processes import Processes
@@ -54,7 +62,7 @@ def train_and_report(
         if at >= stage.steps:
             print_note(f"nothing to train: --steps is {stage.steps}; give more than {at}")
 
-    with progress_bar(f"trains {name}") as bar:
+    with progress_bar(f"trains {name}") as bar, first_signal() as signalled:
 
         def follow(progress: Progress) -> None:
             if not processes.first:
@@ -74,8 +82,14 @@ def train_and_report(
             progress=follow,
             processes=processes,
             pretrained=bool(pretrained),
+            stop=signalled,
         )
+        stopped = processes.any(signalled()) and done.step < done.steps
     processes.close()
+    if processes.first and stopped:
+        print_note(f"{folder}: interrupted and saved; resumes from step {done.step} of {done.steps}")
+    if stopped:
+        raise typer.Exit(INTERRUPTED)
     if not processes.first:
         return
     if as_json:

@@ -14,6 +14,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.floor import ground_under
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.condition import GREATEST_VELOCITY
 from flexmotion.sampling.planted import planted
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import heading
@@ -152,14 +153,19 @@ def _rotation(pose: Motion) -> Rotation:
 
 
 def _velocity(history: Motion) -> tuple[float, float, float]:
-    """Forward in the last heading, left in the mean one [m/s], and turning left [rad/s], of the last frames."""
+    """Forward in the last heading, left in the mean one [m/s], and turning left [rad/s], of the last frames.
+
+    Within what a model can be asked for: a person whose frames jump has any velocity.
+    """
     pace, stride = (history[max(len(history) - 1 - round(over * history.fps), 0) :] for over in (PACE_S, STRIDE_S))
     if len(pace) < 2:
         return 0.0, 0.0, 0.0
     yaw = np.unwrap(heading(stride.root_quaternion))
     forward, _ = _in_heading(pace, yaw[-1])
     _, left = _in_heading(stride, yaw.mean())
-    return forward, left, float((yaw[-1] - yaw[0]) / stride.duration)
+    found = forward, left, float((yaw[-1] - yaw[0]) / stride.duration)
+    forward, left, turning = np.clip(found, np.negative(GREATEST_VELOCITY), GREATEST_VELOCITY).tolist()
+    return forward, left, turning
 
 
 def _in_heading(motion: Motion, yaw: float) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from flexmotion.configs.errors import FlexMotionError
 from flexmotion.features.constraint_layout import CENTRES, FORCES, PATH, PLACES, ConstraintLayout, window_values
 from flexmotion.features.constraints import Constraints, end_mean
 from flexmotion.features.decode import Anchor
@@ -110,8 +111,21 @@ def test_angles_of_a_ball_joint_are_its_rotation(nothing: Constraints) -> None:
         (lambda nothing: nothing.activation(4, 0, 0.5), "0 to 3"),
         (lambda nothing: nothing.torque_limit("knee_flexion_r", 0, -1.0), "0 or more"),
         (lambda nothing: nothing.place("hand_r", [0, 1], np.zeros((3, 3))), r"\(2, 3\)"),
+        (lambda nothing: nothing.place("hand_r", 99, np.zeros(3)), "frames 99: expected some of 0 to 31"),
+        (lambda nothing: nothing.place("hand_r", [0, 32], np.zeros(3)), "expected some of 0 to 31"),
+        (lambda nothing: nothing.height(slice(40, 50), 0.9), "expected some of 0 to 31"),
+        (lambda nothing: nothing.place("hand_r", 20, [40.0, 0.0, 1.0]), "hand_r: 40 m away, expected 5.95 m at most"),
+        (lambda nothing: nothing.place("hand_r", 0, [np.nan, 3.0, np.nan]), "3 m away, expected 1.95 m at most"),
+        (lambda nothing: nothing.path([0, 31], [[0.0, 0.0], [0.0, 9.0]]), "path: 9 m away, expected 8.15 m at most"),
+        (lambda nothing: nothing.height(0, 40.0), "height: 40 m away"),
+        (lambda nothing: nothing.place("hand_r", 0, [np.inf, 0.0, 0.0]), "hand_r: inf m away"),
+        (lambda nothing: nothing.torque("knee_flexion_r", 0, np.inf), "one is infinite"),
+        (lambda nothing: nothing.mean_heading(np.nan), "mean heading: a value is nan"),
+        (lambda nothing: nothing.mean_place([0.0, np.inf]), "mean place: a value is 0, inf"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_with_what_can(nothing: Constraints, ask: object, named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        ask(nothing)  # type: ignore[operator]
+    """A hand 40 m away was sampled, a frame of no window was an IndexError, and nothing was an error of the library."""
+    for kind in (FlexMotionError, ValueError):
+        with pytest.raises(kind, match=named):
+            ask(nothing)  # type: ignore[operator]

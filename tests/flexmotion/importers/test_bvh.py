@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.motion_file import save_motion
+from flexmotion.importers import read
 from flexmotion.importers.bvh import read_bvh
 
 ARM = """HIERARCHY
@@ -123,3 +125,29 @@ def test_errors_name_file_and_line(tmp_path, before, after, message):
 def test_missing_file(tmp_path):
     with pytest.raises(MotionFormatError, match="No such file"):
         read_bvh(tmp_path / "none.bvh")
+
+
+def test_rotations_in_radians_are_told(clip, write_bvh, tmp_path):
+    """They were read as degrees without a word: a figure with stiff legs slid along, and the robot fell."""
+    path = write_bvh(tmp_path / "walk.bvh", clip[:60])
+    assert read_bvh(path).warnings == ()
+    lines = path.read_text().splitlines()
+    first = next(number for number, line in enumerate(lines) if line.startswith("Frame Time")) + 1
+    rows = np.array([line.split() for line in lines[first:]], float)
+    rows[:, 3:] = np.radians(rows[:, 3:])
+
+    def told(table: np.ndarray) -> tuple[str, ...]:
+        path.write_text("\n".join([*lines[:first], *(" ".join(map(str, row)) for row in table)]) + "\n")
+        return read_bvh(path).warnings
+
+    (warning,) = told(rows)
+    assert warning.startswith("no rotation is beyond ±") and warning.endswith("expected degrees: are they in radians?")
+    assert told(np.repeat(rows[:1], 60, axis=0)) == ()  # nobody moves: of a calibration pose nothing is known
+
+
+def test_a_single_frame_is_told(clip, write_bvh, tmp_path):
+    """It was imported without a word, and `dry-run` refused what `data import` had written."""
+    path = write_bvh(tmp_path / "pose.bvh", clip[:1])
+    assert "1 frame: a pose, no motion; a robot follows two frames or more" in read(path).warnings
+    save_motion(clip[:1], tmp_path / "pose.npz")
+    assert "1 frame: a pose, no motion; a robot follows two frames or more" in read(tmp_path / "pose.npz").warnings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -64,6 +65,16 @@ def test_closed_ones_leave_no_process_and_draw_again(ahead: Ahead[Batch]) -> Non
     ahead.close()
     wait_until(lambda: not alive(worker), "the drawing process to end")
     assert torch.equal(ahead(1, draw).values, draw(1).values)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_signals_of_the_terminal_are_left_to_the_training(ahead: Ahead[Batch], number: int) -> None:
+    """Ctrl-C ended the drawing processes first: the step that was to be saved failed."""
+    before = ahead(0, draw).drawn_by, ahead(1, draw).drawn_by
+    for worker in set(before):
+        os.kill(worker, number)
+    for step in range(2, 8):
+        assert torch.equal(ahead(step, draw).values, draw(step).values)
 
 
 def alive(process: psutil.Process) -> bool:

@@ -18,11 +18,12 @@ from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.streamer.cli import execute  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
 from flexmotion.training.checkpoints import BEST, LAST, load_weights, training_record  # noqa: E402
-from flexmotion.training.feature_store import INDEX, FeatureStore  # noqa: E402
+from flexmotion.training.feature_store import FeatureStore  # noqa: E402
 from flexmotion.training.format import FORMAT  # noqa: E402
 from flexmotion.training.muscle_torques import load_muscle_torques  # noqa: E402
 from flexmotion.training.run import CONFIG, Run  # noqa: E402
 from flexmotion.training.stage import train_stage  # noqa: E402
+from flexmotion.training.store_index import INDEX  # noqa: E402
 
 TOO_NEW = rf"of version {FORMAT + 1}, this release reads 1 to {FORMAT}: the file is too new: install"
 

@@ -40,6 +40,7 @@ from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.release import begin_run, write_release  # noqa: E402
 from flexmotion.training.release_file import METADATA, ReleaseFile, write_release_file  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
+from flexmotion.training.store_index import INDEX  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,23 @@ def test_a_bundle_of_a_release_moves_like_that_of_the_training(bundle: Bundle, r
     assert motions[0].torques is not None and motions[1].torques is not None
     assert np.abs(motions[0].torques - motions[1].torques).mean() < 0.05
     assert "--from RELEASE" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")
+
+
+def test_a_training_from_a_release_keeps_its_set_once_it_is_trained_further(
+    released: Path, small_set: Path, tmp_path: Path
+) -> None:
+    """Its statistics are the release's, whatever its set: only a training on a set ties it to that set."""
+    run = begin_run(released, tmp_path / "new", ["autoencoder"])
+    before = run.store(small_set).statistics
+    index = run.folder / "features" / INDEX
+    content = json.loads(index.read_text())
+    index.write_text(json.dumps(content | {"key": "of another motion", "set": "another"}))
+    np.testing.assert_array_equal(run.store(small_set).statistics.mean, before.mean)
+    assert json.loads(index.read_text()) == content
+    (run.stage("autoencoder") / LAST).touch()
+    index.write_text(json.dumps(content | {"key": "of another motion", "set": "another"}))
+    with pytest.raises(ConfigError, match=r"the training there is on another \("):
+        run.store(small_set)
 
 
 def test_a_training_goes_on_at_the_step_of_the_weights(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,11 @@ def stage(steps: int, average: float = 0.999) -> Stage:
     return Stage(steps=steps, batch=8, average=average, **rates)
 
 
+def after(task: Line, steps: int) -> Callable[[], bool]:
+    """A stop that is asked for when a task has trained for so many steps."""
+    return lambda: len(task.trained) >= steps
+
+
 def same(first: object, second: object) -> bool:
     """Whether two states are equal, tensors bit for bit."""
     if isinstance(first, torch.Tensor) and isinstance(second, torch.Tensor):
@@ -63,6 +69,29 @@ def test_a_stopped_training_resumes_bit_for_bit(trained: Run, stages, tmp_path: 
     whole, parts = state("whole", [5]), state("parts", [2, 5])
     for name in ("network", "average", "optimiser", "step"):
         assert same(whole[name], parts[name]), name
+
+
+def test_a_stop_saves_at_once_and_is_resumed(tmp_path: Path) -> None:
+    """Ctrl-C kept nothing of the last minutes: an interrupted training was as old as its last save."""
+
+    def state(name: str, stops: list[int]) -> dict[str, object]:
+        for last in stops:
+            task = Line()
+            train_stage(task, stage(8), tmp_path / name, fingerprint="", stop=after(task, last))
+        found: dict[str, object] = torch.load(tmp_path / name / LAST, weights_only=True)
+        return found
+
+    assert state("parts", [1])["step"] == 1 and not (tmp_path / "parts" / BEST).exists()  # nothing was validated
+    whole, parts = state("whole", [99]), state("parts", [4, 99])
+    assert parts["step"] == 8
+    for name in ("network", "average", "optimiser", "least"):
+        assert same(whole[name], parts[name]), name
+
+
+def test_a_stop_in_the_last_step_ends_the_training(tmp_path: Path) -> None:
+    task = Line()
+    train_stage(task, stage(3), tmp_path, fingerprint="", stop=after(task, 3))
+    assert (tmp_path / BEST).is_file()
 
 
 def test_a_training_killed_while_it_saves_resumes_from_the_save_before(

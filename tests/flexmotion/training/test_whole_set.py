@@ -25,10 +25,11 @@ from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.training.checkpoints import LAST, load_weights  # noqa: E402
 from flexmotion.training.distillation_task import DistillationTask  # noqa: E402
 from flexmotion.training.export import export  # noqa: E402
-from flexmotion.training.feature_store import INDEX, FeatureStore, build_store  # noqa: E402
+from flexmotion.training.feature_store import FeatureStore, build_store  # noqa: E402
 from flexmotion.training.format import FORMAT  # noqa: E402
 from flexmotion.training.run import Run, _fixed  # noqa: E402
 from flexmotion.training.stage import train_stage  # noqa: E402
+from flexmotion.training.store_index import INDEX  # noqa: E402
 from flexmotion.training.window_set import WindowSet  # noqa: E402
 
 KNEE = 3 * 1 + 2

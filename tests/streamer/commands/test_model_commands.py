@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +19,7 @@ from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion_file import save_motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
+from flexmotion.training.checkpoints import LAST, read_checkpoint
 
 COMMANDS = ["train autoencoder", "train text", "train diffusion", "train distill", "train evaluator"]
 
@@ -84,3 +89,27 @@ def test_training_on_muscles_compares_their_torques(tmp_path: Path, capsys: pyte
     """Regression: the command did not use the loss of the muscles' torques."""
     pytest.importorskip("myo_sim", reason="muscles need the extra 'biomech'")
     assert _trained(tmp_path, capsys, muscles=True)["validation"]["muscle_torques"] > 0
+
+
+def test_ctrl_c_saves_and_says_from_where_a_training_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """SIGINT after half a minute left the folder of the stage empty, and nothing was said."""
+    _trained(tmp_path, capsys, muscles=False)
+    arguments = ["train", "autoencoder", "-o", str(tmp_path / "run"), "--threads", "1", "--steps"]
+    command = [sys.executable, "-m", "flexmotion.streamer", "-v", *arguments, "100000"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        told = []
+        for line in process.stderr:
+            told.append(line)
+            if "resumes at step 2" in line:
+                process.send_signal(signal.SIGINT)
+        output = process.stdout.read() if process.stdout is not None else ""
+    assert process.returncode == 130 and not output
+    found = re.search(r"autoencoder: interrupted and saved; resumes from step (\d+) of 100000", "".join(told))
+    assert found is not None and "Traceback" not in "".join(told)
+    step = int(found[1])
+    assert read_checkpoint(tmp_path / "run" / "autoencoder" / LAST)["step"] == step >= 2
+    assert execute([*arguments, str(step + 1), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["step"] == step + 1

@@ -73,6 +73,13 @@ def test_a_walker_whose_pelvis_turns_to_and_fro_is_foreseen_straight_ahead(clip,
         assert abs(turning) < 0.1 and abs(left) < 0.1 and forward == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_person_who_jumps_across_the_room_is_foreseen(clip, foresee):
+    """Frames of a tracker that jump are of any speed: more than a model can be asked for would end the planner."""
+    away = np.where(np.arange(40)[:, None] >= 35, [30.0, 0.0, 0.0], 0.0)
+    ahead = foresee(replace(clip[:40], root_position=clip[:40].root_position + away), 30)
+    assert len(ahead) == 30 and np.isfinite(ahead.root_position).all()
+
+
 def test_who_stands_on_a_ladder_is_not_foreseen_on_the_floor(clip, foresee):
     # The model has learnt from humans on a floor at z = 0: a person .85 m up was foreseen .5 m lower within .3 s.
     standing = raised(concatenate([clip[:1]] * foresee.remembers), 0.85)
