@@ -27,8 +27,8 @@ Float = NDArray[np.float64]
 TURNS = 4
 """Repetitions after which the strokes are the same again: their durations differ a little, as people's do."""
 
-SEED = 0
-"""Of what a recipe leaves open: amplitudes and speeds within its spans."""
+SIZES = 8
+"""Draws of what a recipe leaves open of its poses; all last as long as the first, so that repetitions are counted alike."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
@@ -60,8 +60,8 @@ class Rhythm:
     frame: int = 0
 
     @classmethod
-    def of(cls, gesture: Gesture, side: int, body: Body, rest: Float) -> Rhythm:
-        """The gesture of a recipe that `is_rhythm`.
+    def of(cls, gesture: Gesture, side: int, body: Body, rest: Float) -> tuple[Rhythm, ...]:
+        """The gesture of a recipe that `is_rhythm`, in `SIZES` sizes.
 
         Args:
             gesture: the recipe.
@@ -71,9 +71,14 @@ class Rhythm:
         """
         (step,) = gesture.steps
         again = step.model_copy(update={"count": (TURNS + 1, TURNS + 1)})
-        plan = draw_plan(gesture.model_copy(update={"steps": (again,)}), body, side, np.random.default_rng(SEED))
+        endless = gesture.model_copy(update={"steps": (again,)})
+        plans = [draw_plan(endless, body, side, np.random.default_rng(seed)) for seed in range(SIZES)]
         # Arms and head are to be the same again at the same time.
-        return cls(replace(plan, lead=0.0), rest, len(step.names), sum(step.count) // 2, gesture.shortest)
+        first = replace(plans[0], lead=0.0)
+        return tuple(
+            cls(replace(first, targets=plan.targets), rest, len(step.names), sum(step.count) // 2, gesture.shortest)
+            for plan in plans
+        )
 
     def later(self, frames: int) -> Rhythm:
         """The gesture so many frames later."""
@@ -151,14 +156,14 @@ def rhythm_kinds() -> frozenset[str]:
     return frozenset((*kinds, *map(mirrored, kinds)))
 
 
-def rhythms(body: Body, rest: Float) -> Mapping[str, Rhythm]:
-    """Every rhythm by its kind, those to the left included.
+def rhythms(body: Body, rest: Float) -> Mapping[str, tuple[Rhythm, ...]]:
+    """Every rhythm by its kind, those to the left included, in `SIZES` sizes.
 
     Args:
         body: of the human.
         rest: joint angles of a human that stands, (26,) [rad].
     """
-    found: dict[str, Rhythm] = {}
+    found: dict[str, tuple[Rhythm, ...]] = {}
     for gesture in filter(is_rhythm, recipes()):
         for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT)):
             found[kind] = Rhythm.of(gesture, side, body, rest)

@@ -113,17 +113,21 @@ class Sampler:
         return Constraints.none(self.layout, self.body, self.future)
 
     @cached_property
-    def _rhythms(self) -> Mapping[str, Rhythm]:
+    def _rhythms(self) -> Mapping[str, tuple[Rhythm, ...]]:
         return rhythms(self.body, self._rest)
 
-    def rhythm(self, condition: Condition) -> Rhythm | None:
+    def rhythm(self, condition: Condition, size: int = 0) -> Rhythm | None:
         """The gesture that a condition's words mean, where arms and head make it over a human that stands; else None.
 
         Args:
             condition: before it is `meant`.
+            size: which of its sizes, any number; all take the same time.
         """
         kind = self.requests.rhythm(condition)
-        return None if kind is None else self._rhythms[kind].paced(spoken_speed(condition.text or ""))
+        if kind is None:
+            return None
+        sizes = self._rhythms[kind]
+        return sizes[size % len(sizes)].paced(spoken_speed(condition.text or ""))
 
     @property
     def name(self) -> str:

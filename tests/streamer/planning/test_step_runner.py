@@ -262,7 +262,7 @@ def test_a_bow_that_came_up_is_not_asked_on() -> None:
 
 def test_strokes_are_counted_by_the_rhythm_of_the_human_and_not_as_ways_from_the_stand() -> None:
     """Hands that clap stay before the body: "clap three times" had no end but its limit."""
-    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["clap"]
+    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["clap"][0]
     robot = Robot((0, program(replace(step("clap", 3.0, "times"), rhythm=rhythm))))
     robot.row.q[2], robot.runner.home = 1.0, np.zeros(JOINTS)
     robot.run(rhythm.seconds(3) - 0.1)
@@ -273,7 +273,7 @@ def test_strokes_are_counted_by_the_rhythm_of_the_human_and_not_as_ways_from_the
 
 
 def test_strokes_that_are_cut_off_say_how_many_were_made() -> None:
-    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["nod"]
+    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["nod"][0]
     robot = Robot((0, program(replace(step("nod", 5.0, "times"), rhythm=rhythm))))
     robot.run(rhythm.seconds(2) + 0.1)
     robot.row.must_stop[...] = True
