@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ Float = NDArray[np.float64]
 TURNS = 4
 """Repetitions after which the strokes are the same again: their durations differ a little, as people's do."""
 
-SEED = 0
-"""Of what a recipe leaves open: amplitudes and speeds within its spans."""
+SIZES = 8
+"""Draws of what a recipe leaves open of its poses. All last as long as the first: repetitions are counted alike."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
@@ -60,20 +61,26 @@ class Rhythm:
     frame: int = 0
 
     @classmethod
-    def of(cls, gesture: Gesture, side: int, body: Body, rest: Float) -> Rhythm:
-        """The gesture of a recipe that `is_rhythm`.
+    def of(cls, kind: str, body: Body, rest: Float, size: int = 0) -> Rhythm:
+        """The gesture of a kind.
 
         Args:
-            gesture: the recipe.
-            side: of the gesture, `LEFT` or `RIGHT`.
+            kind: one of `rhythm_kinds`.
             body: of the human.
             rest: see `Rhythm`.
+            size: which of its `SIZES`, any number.
+
+        Raises:
+            KeyError: it is another kind of motion.
         """
+        gesture, side = _recipes()[kind]
         (step,) = gesture.steps
         again = step.model_copy(update={"count": (TURNS + 1, TURNS + 1)})
-        plan = draw_plan(gesture.model_copy(update={"steps": (again,)}), body, side, np.random.default_rng(SEED))
+        endless = gesture.model_copy(update={"steps": (again,)})
+        usual, own = (draw_plan(endless, body, side, np.random.default_rng(seed)) for seed in (0, size % SIZES))
         # Arms and head are to be the same again at the same time.
-        return cls(replace(plan, lead=0.0), rest, len(step.names), sum(step.count) // 2, gesture.shortest)
+        plan = replace(usual, targets=own.targets, lead=0.0)
+        return cls(plan, rest, len(step.names), sum(step.count) // 2, gesture.shortest)
 
     def later(self, frames: int) -> Rhythm:
         """The gesture so many frames later."""
@@ -145,21 +152,16 @@ def is_rhythm(gesture: Gesture) -> bool:
     return repeats and all(pose.down is None for pose in gesture.poses.values())
 
 
+@lru_cache
+def _recipes() -> Mapping[str, tuple[Gesture, int]]:
+    """Recipe and side of every rhythm by its kind, those to the left included."""
+    return {
+        kind: (gesture, side)
+        for gesture in filter(is_rhythm, recipes())
+        for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT))
+    }
+
+
 def rhythm_kinds() -> frozenset[str]:
     """Kinds of every rhythm, those to the left included."""
-    kinds = [gesture.kind for gesture in recipes() if is_rhythm(gesture)]
-    return frozenset((*kinds, *map(mirrored, kinds)))
-
-
-def rhythms(body: Body, rest: Float) -> Mapping[str, Rhythm]:
-    """Every rhythm by its kind, those to the left included.
-
-    Args:
-        body: of the human.
-        rest: joint angles of a human that stands, (26,) [rad].
-    """
-    found: dict[str, Rhythm] = {}
-    for gesture in filter(is_rhythm, recipes()):
-        for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT)):
-            found[kind] = Rhythm.of(gesture, side, body, rest)
-    return found
+    return frozenset(_recipes())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from operator import index
 from pathlib import Path
@@ -29,7 +28,7 @@ from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
 from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.request import Requests
-from flexmotion.sampling.rhythm import Rhythm, rhythms
+from flexmotion.sampling.rhythm import SIZES, Rhythm
 from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text.clause_amounts import spoken_speed
 from flexmotion.text.prompt_reader import Prompt
@@ -97,6 +96,7 @@ class Sampler:
         if manifest.guided:
             self._inputs["guidance"] = np.zeros((rows, 2) if manifest.manner else rows, np.float32)
         self._branches: dict[Path, InferenceSession] = {}
+        self._rhythms: dict[tuple[str, int], Rhythm] = {}
         # Opened and run once now: a live planner has no time for that when it is first asked for the manner.
         self._personal = {manner: (open_session(path), path) for manner, path in bundle.personal.items()}
         for session, path in self._personal.values():
@@ -112,18 +112,20 @@ class Sampler:
         """Constraints of a window that ask for nothing."""
         return Constraints.none(self.layout, self.body, self.future)
 
-    @cached_property
-    def _rhythms(self) -> Mapping[str, Rhythm]:
-        return rhythms(self.body, self._rest)
-
-    def rhythm(self, condition: Condition) -> Rhythm | None:
+    def rhythm(self, condition: Condition, size: int = 0) -> Rhythm | None:
         """The gesture that a condition's words mean, where arms and head make it over a human that stands; else None.
 
         Args:
             condition: before it is `meant`.
+            size: which of its sizes, any number; all take the same time.
         """
         kind = self.requests.rhythm(condition)
-        return None if kind is None else self._rhythms[kind].paced(spoken_speed(condition.text or ""))
+        if kind is None:
+            return None
+        key = kind, size % SIZES
+        if key not in self._rhythms:
+            self._rhythms[key] = Rhythm.of(kind, self.body, self._rest, size)
+        return self._rhythms[key].paced(spoken_speed(condition.text or ""))
 
     @property
     def name(self) -> str:

@@ -356,7 +356,7 @@ class ModelSource:
         begun, pose = self._begun(frame), self._pose
         if begun is None:
             return asked
-        rhythm = self.sampler.rhythm(self.condition(begun[1]))
+        rhythm = self.sampler.rhythm(self.condition(begun[1]), size=begun[0] + self.seed)
         if rhythm is not None:
             return replace(asked, pose=rhythm.later(frame - begun[0]))
         if pose is None or begun[0] != pose[0]:

@@ -40,7 +40,7 @@ class Model(Protocol):
         """Velocity at which a meant condition is done; None where its words are of an unknown speed."""
         ...
 
-    def rhythm(self, condition: Condition) -> Rhythm | None:
+    def rhythm(self, condition: Condition, size: int = 0) -> Rhythm | None:
         """The gesture of repeated strokes that a condition's words mean; None: they mean no such one."""
         ...
 

@@ -85,7 +85,7 @@ class StubSampler:
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
 
-    def rhythm(self, condition: Condition) -> None:
+    def rhythm(self, condition: Condition, size: int = 0) -> None:
         return None
 
     def travels(self, condition: Condition) -> bool:

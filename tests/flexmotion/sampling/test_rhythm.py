@@ -17,7 +17,7 @@ from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
-from flexmotion.sampling.rhythm import TURNS, Rhythm, is_rhythm, rhythm_kinds, rhythms
+from flexmotion.sampling.rhythm import SIZES, TURNS, Rhythm, is_rhythm, rhythm_kinds
 
 from ...standing_human import standing
 
@@ -43,8 +43,8 @@ def played(rhythm: Rhythm, human: Motion, windows: int, before: Motion | None = 
     return replace(human[: len(joints)], joints=joints)
 
 
-def of(kind: str, human: Motion) -> Rhythm:
-    return rhythms(human.body, human.joints[0])[kind]
+def of(kind: str, human: Motion, size: int = 0) -> Rhythm:
+    return Rhythm.of(kind, human.body, human.joints[0], size)
 
 
 def test_the_kinds_are_those_whose_strokes_follow_each_other_and_their_mirror_images() -> None:
@@ -73,8 +73,9 @@ def test_it_goes_on_from_the_motion_before_it_and_from_window_to_window(kind: st
 @pytest.mark.parametrize("kind", sorted(rhythm_kinds()))
 def test_hands_stay_clear_of_the_body_at_every_height(kind: str, height: float) -> None:
     human = standing(6.0, Body(height, 70.0))
-    motion = played(of(kind, human), human, 4)
-    assert clearance(motion) > (-TOUCH if kind == "clap" else min(0.0, clearance(human)) - 0.005)
+    for size in range(SIZES if height == 1.75 else 2):
+        motion = played(of(kind, human, size), human, 2)
+        assert clearance(motion) > (-TOUCH if kind == "clap" else min(0.0, clearance(human)) - 0.005)
 
 
 def test_a_nod_moves_the_neck_alone_and_claps_bring_both_hands_together(human: Motion) -> None:
@@ -125,3 +126,11 @@ def test_it_is_done_slower_as_it_is_asked_and_faster_as_far_as_its_strokes_go(hu
         assert min(stroke.end - stroke.start for stroke in nod.paced(factor).plan.strokes) >= nod.shortest - 1e-9
     slow, usual = (np.abs(np.diff(played(one, human, 8).joints[:, NECK[0]])).max() for one in (nod.paced(0.5), nod))
     assert slow == pytest.approx(0.5 * usual, rel=0.1)
+
+
+def test_it_is_of_many_sizes_in_the_same_time(human: Motion) -> None:
+    for kind in rhythm_kinds() - {"clap"}:  # its recipe leaves its speed open, and nothing else
+        sizes = [of(kind, human, size) for size in range(SIZES)]
+        assert len({one.seconds(3) for one in sizes}) == 1
+        poses = np.array([played(one, human, 4).joints[BEFORE:] for one in sizes])
+        assert (np.abs(poses[1:] - poses[0]).max(axis=(1, 2)) > 0.02).all(), f"{kind} is always the same"

@@ -14,7 +14,7 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS as HUMAN_JOINTS
 from flexmotion.importers.default_clip import default_clip
-from flexmotion.sampling.rhythm import rhythms
+from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard, HeardStep
@@ -262,7 +262,7 @@ def test_a_bow_that_came_up_is_not_asked_on() -> None:
 
 def test_strokes_are_counted_by_the_rhythm_of_the_human_and_not_as_ways_from_the_stand() -> None:
     """Hands that clap stay before the body: "clap three times" had no end but its limit."""
-    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["clap"]
+    rhythm = Rhythm.of("clap", Body(), np.zeros(len(HUMAN_JOINTS)))
     robot = Robot((0, program(replace(step("clap", 3.0, "times"), rhythm=rhythm))))
     robot.row.q[2], robot.runner.home = 1.0, np.zeros(JOINTS)
     robot.run(rhythm.seconds(3) - 0.1)
@@ -273,7 +273,7 @@ def test_strokes_are_counted_by_the_rhythm_of_the_human_and_not_as_ways_from_the
 
 
 def test_strokes_that_are_cut_off_say_how_many_were_made() -> None:
-    rhythm = rhythms(Body(), np.zeros(len(HUMAN_JOINTS)))["nod"]
+    rhythm = Rhythm.of("nod", Body(), np.zeros(len(HUMAN_JOINTS)))
     robot = Robot((0, program(replace(step("nod", 5.0, "times"), rhythm=rhythm))))
     robot.run(rhythm.seconds(2) + 0.1)
     robot.row.must_stop[...] = True
