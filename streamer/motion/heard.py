@@ -24,8 +24,12 @@ State = Literal["accepted", "slowed", "moved", "partly", "refused", "superseded"
 without what `dropped` names; refused: not at all, for `reason`; superseded: another target came first; expired: it came
 too late."""
 
-End = Literal["done", "time limit", "superseded", "stopped"]
-"""How a step ended: its amount was measured, its time limit came first, another target or a stop came first."""
+End = Literal["done", "time limit", "superseded", "expired", "stopped"]
+"""How a step ended: its amount was measured, or its time limit, another target, the end of the target's time to live or
+a stop came first."""
+
+Halt = Literal["expired", "stopped"]
+"""Why nothing is followed any more: the target's time to live is over; a stop, a fault, or what the robot cannot do."""
 
 Holds = Literal["part", "restriction"]
 """What holds beside what the whole body does: an arm, the head or a foot at a place of its own, or a restriction."""

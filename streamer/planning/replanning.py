@@ -175,8 +175,8 @@ class Replanner:
         self._drift.update(row)
         self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
-            halted, stands_at = self.ledger.halted or halts(row), partial(self._stands_at, row, tick - early)
-            self._runner.update(row, halted=halted, stands_at=stands_at)
+            halted = self.ledger.halted or ("stopped" if halts(row) else None)
+            self._runner.update(row, halted=halted, stands_at=partial(self._stands_at, row, tick - early))
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
@@ -290,7 +290,7 @@ class Replanner:
                 self.ledger.amend(target, note.answer)
         # Also where that was told already: the loop may have refused the first plan that said so.
         if target and target == self.ledger.wanted.id and plan.eased is not None and plan.eased.refused:
-            self.ledger.halted = True
+            self.ledger.halted = "stopped"
 
     def _tell_withheld(self, plan: Plan, target: int) -> None:
         """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is.
@@ -351,7 +351,7 @@ class Replanner:
     def _stand_still(self, reason: str) -> None:
         """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""
         if self._travels:
-            self.ledger.halted = True
+            self.ledger.halted = "stopped"
             self.on_note(f"coming to a stand: {reason}")
 
     @property
@@ -398,7 +398,7 @@ class Replanner:
         self.head.refuse_all(reason)
         self.restrictions.refuse_all(reason)
         if not row.plan and not row.pending:
-            self._succeeds, self.ledger.halted = not row.ready, True
+            self._succeeds, self.ledger.halted = not row.ready, "stopped"
             return not self._succeeds
         offer = self.plans.playing()
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
@@ -409,7 +409,7 @@ class Replanner:
         self.feet.begin_with(plan, feet)
         self.head.begin_with(plan, heads)
         self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in stay])
-        self._succeeds, self.ledger.halted = False, True
+        self._succeeds, self.ledger.halted = False, "stopped"
         return True
 
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Halt, Heard
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity, words_of
 from flexmotion.streamer.motion.part_intents import PartIntent
@@ -112,7 +112,7 @@ class TargetLedger:
 
     Attributes:
         halted: a stop was in force, or the time of the followed target is over: the robot comes to a stand, and stands
-            until a new target arrives. What was asked for before does not go on by itself.
+            until a new target arrives. What was asked for before does not go on by itself. None: it goes on.
         answer: to the target that the robot follows; None: none yet.
     """
 
@@ -127,11 +127,12 @@ class TargetLedger:
         lockstep: bool,
         on_part: Callable[[Target, float], None] = lambda _target, _born_s: None,
     ) -> None:
-        self.publish, self.on_note, self.on_part, self.halted = publish, on_note, on_part, False
+        self.publish, self.on_note, self.on_part = publish, on_note, on_part
+        self.halted: Halt | None = None
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
-        self._before = (-math.inf, False)  # `_turned_s` and `halted` before the last turn
+        self._before: tuple[float, Halt | None] = (-math.inf, None)  # `_turned_s` and `halted` before the last turn
         self._gave_way = self._gives_way = False
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
@@ -193,7 +194,8 @@ class TargetLedger:
         """
         now_s, ended = self.now_s(), ended_by(row)
         if ended is not None:
-            self.halted |= halts(row)
+            if halts(row):
+                self.halted = self.halted or "stopped"
             self._take_back(int(row.target), ended)
             self.refuse_all(ended)
             return
@@ -206,7 +208,7 @@ class TargetLedger:
         if planned is not None and self._too_old(planned, now_s):
             # The loop has refused every plan that follows it; the source has turned to it all the same.
             self._publish(planned, "expired", _late(planned.target))
-            self._planned, self.halted = None, True
+            self._planned, self.halted = None, "expired"
         if opened is not None and self._too_old(opened, now_s):
             self._publish(opened, "expired", _late(opened.target))
             self._open = opened = None
@@ -223,7 +225,7 @@ class TargetLedger:
             )
             self._open = None
         elif followed.age_s(now_s) > followed.target.holds_s:
-            self.halted = True
+            self.halted = "expired"
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
 
     def _take_back(self, begun: int, reason: str) -> None:
@@ -251,7 +253,7 @@ class TargetLedger:
                 holds_s = min(target.holds_s, self._open.age_s(self.now_s()) + left_s)
                 self._open = replace(self._open, target=replace(self._open.target, holds_s=holds_s))
                 heard = heard if heard is None else heard.model_copy(update={"left_s": left_s})
-        self._before, self.halted = (self._turned_s, self.halted), False
+        self._before, self.halted = (self._turned_s, self.halted), None
         self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:
             self._turned_s = self.now_s()

@@ -79,7 +79,7 @@ def stand(office: Any, clock: Clock, seconds: float) -> None:
         office.desk.pump()
 
 
-@pytest.mark.parametrize("how", ["done", "time limit"])
+@pytest.mark.parametrize("how", ["done", "time limit", "expired"])
 def test_the_end_of_a_target_is_told_once_to_who_asked_for_it(make_office: Make, how: Any) -> None:
     """A program learnt from the status alone that a target had ended, and not whether it was its own."""
     office = make_office()

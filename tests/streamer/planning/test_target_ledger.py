@@ -124,7 +124,7 @@ def test_a_velocity_that_is_not_sent_again_brings_the_robot_to_a_stand(bench: Be
     bench.look(149)
     assert not bench.ledger.halted
     bench.look(151)
-    assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
+    assert bench.ledger.halted == "expired" and bench.ledger.wanted is NO_TARGET
     assert bench.notes == ["target 1 is over after 0.5 s: coming to a stand"]
     bench.mailbox.send(WAVE)
     bench.look(400)
@@ -217,7 +217,7 @@ def test_what_holds_already_is_not_begun_again(intent: Intent) -> None:
 def test_a_target_that_gives_way_while_the_robot_is_to_stand_leaves_it_standing() -> None:
     """Had the newer one been refused, what was asked before the stop would have gone on."""
     bench = Bench()
-    bench.ledger.halted = True
+    bench.ledger.halted = "stopped"
     first = bench.mailbox.send(WALK)
     bench.look(100)
     bench.ledger.turned(first, None)

@@ -12,7 +12,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard, heard_since
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.requests import Request
@@ -45,7 +45,8 @@ class Live:
                 return ticks
             assert self.session.step(), f"the run ended before {what}"
             for answer in heard_since(self._reader):
-                assert answer.id not in self.told or answer.holds, "answered twice"
+                later = answer.holds or any(step.end is not None for step in answer.steps)
+                assert answer.id not in self.told or later, "answered twice"
                 self.told.setdefault(answer.id, answer)
                 self.newest[answer.id] = answer
         raise AssertionError(f"waited {MOST_S:g} s of the robot for {what}")
@@ -90,6 +91,15 @@ def test_a_velocity_that_is_not_renewed_ends_in_a_stand_and_the_next_target_goes
     assert live.yaw_speed() > TURNS
     session.finish()
     assert session.record.underruns == 0 and not [e for e in session.record.events if e.kind == "fault"]
+
+
+def test_a_waypoint_whose_time_to_live_was_over_was_told_as_stopped(live: Live) -> None:
+    """Its end, and that of every motion with an amount, was "stopped" instead of "expired"."""
+    target = live.session.send(Waypoint(3.0, 0.0), holds_s=2.0)
+    assert live.until_answered(target.id).state in ("accepted", "slowed")
+    live.until_state(State.HOLD)
+    (step,) = live.newest[target.id].steps
+    assert step.end == "expired" and step.place is not None
 
 
 def test_a_stop_holds_until_clear_and_what_was_asked_before_it_does_not_go_on(live: Live) -> None:
