@@ -36,7 +36,7 @@ Holds = Literal["part", "restriction"]
 
 Over = Literal["expired", "superseded", "let go", "stopped"]
 """How what held beside the whole body ended: its time is over, another target took its place, somebody let it go, or a
-stop, a fault or a planner that was started again."""
+stop, a fault or a planner that was started again. A motion that a kept foot ended is "stopped"."""
 
 GOALS = ("heading", "waypoint")
 """What is heard where the robot is to come to a heading or a place in its odometry."""
@@ -128,7 +128,8 @@ class Heard(BaseModel):
         holds: what holds from then on; None: it is for the whole body, or lets something go.
         there: of a part, once it is there: how far it is from its place as measured, in words.
         missed: of a part that was not there in time: likewise.
-        over: how what held ended; None: it holds, or never did.
+        over: how what held ended, or a motion that the restriction of a foot ended (`reason`: which); None: it goes on,
+            ended in another way, or never began.
         reached: in a report, whether the run came to this item of its script.
     """
 

@@ -351,7 +351,7 @@ class Replanner:
     def _stand_still(self, reason: str) -> None:
         """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""
         if self._travels:
-            self.ledger.halted = "stopped"
+            self.ledger.cut(reason)
             self.on_note(f"coming to a stand: {reason}")
 
     @property

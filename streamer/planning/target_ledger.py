@@ -132,12 +132,15 @@ class TargetLedger:
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
-        self._before: tuple[float, Halt | None] = (-math.inf, None)  # `_turned_s` and `halted` before the last turn
+        self._cut: str | None = None  # why the followed target is over before its time, until that is told
+        # `_turned_s`, `halted` and `_cut` before the last turn
+        self._before: tuple[float, Halt | None, str | None] = (-math.inf, None, None)
         self._gave_way = self._gives_way = False
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
         self._displaced: _Entry | None = None  # planned before the last turn, which may still be taken back
         self._followed: _Entry | None = None
+        self._sent_again = 0  # the newest target that only made the followed one hold longer
 
     @property
     def has_new(self) -> bool:
@@ -212,12 +215,14 @@ class TargetLedger:
         if opened is not None and self._too_old(opened, now_s):
             self._publish(opened, "expired", _late(opened.target))
             self._open = opened = None
+        self._tell_cut()
         if followed is None or self.halted or self._planned is not None:
             return
         again = opened is not None and isinstance(opened.target.intent, Velocity)
         if opened is not None and again and opened.target.intent == followed.target.intent:
             # Sent again, as by a stick that is held: it holds longer, and no plan is cut short for it.
             self._publish(replace(opened, heard=followed.heard), None, "goes on as before", self._tick)
+            self._sent_again = opened.target.id
             self._followed = replace(
                 followed,
                 target=replace(followed.target, holds_s=opened.target.holds_s),
@@ -227,6 +232,23 @@ class TargetLedger:
         elif followed.age_s(now_s) > followed.target.holds_s:
             self.halted = "expired"
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
+
+    def cut(self, reason: str) -> None:
+        """What is followed, or planned, is over before its time; told once the runner has told what it measured of it.
+
+        Args:
+            reason: why.
+        """
+        self.halted, self._cut = "stopped", reason
+
+    def _tell_cut(self) -> None:
+        """Tell that the followed target is over, to whom it was answered last."""
+        if self._cut is None or self._planned is not None or self.answer is None:
+            return
+        reason, self._cut = self._cut, None
+        if self.answer.state not in ("refused", "superseded", "expired"):
+            self.answer = self.answer.model_copy(update={"over": "stopped", "reason": reason})
+            self.publish(self.answer.model_copy(update={"id": max(self.answer.id, self._sent_again)}))
 
     def _take_back(self, begun: int, reason: str) -> None:
         """Refuse, by a later version, a target whose plan only waited when the stop came: the loop has dropped it.
@@ -253,7 +275,8 @@ class TargetLedger:
                 holds_s = min(target.holds_s, self._open.age_s(self.now_s()) + left_s)
                 self._open = replace(self._open, target=replace(self._open.target, holds_s=holds_s))
                 heard = heard if heard is None else heard.model_copy(update={"left_s": left_s})
-        self._before, self.halted = (self._turned_s, self.halted), None
+        self._before = (self._turned_s, self.halted, self._cut)
+        self.halted = self._cut = None
         self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:
             self._turned_s = self.now_s()
@@ -302,7 +325,7 @@ class TargetLedger:
         if self._planned is not None:
             self._publish(self._planned, "superseded", "a newer target came before its plan was made")
         self._planned, self._displaced, self._gave_way = self._displaced, None, True
-        self._turned_s, self.halted = self._before
+        self._turned_s, self.halted, self._cut = self._before
 
     def refuse(self, target: Target, reason: str) -> None:
         """The source cannot follow a target."""

@@ -257,6 +257,16 @@ def test_the_end_of_a_heading_that_was_given_up_says_why(make_office: Make) -> N
     assert [(ended.end, ended.done) for ended in ends] == [("stopped", reason)]
 
 
+def test_a_walk_that_a_kept_foot_ends_was_followed_until_the_robot_stood(make_office: Make) -> None:
+    office = make_office()
+    number, ends = told_ends(office, WALK)
+    kept = Heard(id=number, asked="walk", state="accepted", over="stopped", reason="left foot kept down")
+    office.run.heard.publish(kept)
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("stopped", "left foot kept down")]
+    assert office.desk.following is not None and office.desk.following.end == "stopped"
+
+
 def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:
     """A walk beyond the servos' envelope was answered "refused" by a later version, and its sender was told nothing."""
     office = make_office()

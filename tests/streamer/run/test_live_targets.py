@@ -45,7 +45,7 @@ class Live:
                 return ticks
             assert self.session.step(), f"the run ended before {what}"
             for answer in heard_since(self._reader):
-                later = answer.holds or any(step.end is not None for step in answer.steps)
+                later = answer.holds or answer.over or any(step.end is not None for step in answer.steps)
                 assert answer.id not in self.told or later, "answered twice"
                 self.told.setdefault(answer.id, answer)
                 self.newest[answer.id] = answer

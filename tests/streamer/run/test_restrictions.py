@@ -74,6 +74,23 @@ def test_a_robot_that_walks_puts_the_foot_down_and_stands_until_it_may_lift_it_a
     assert np.abs(live.session.record.ticks.tilt).max() < 0.5
 
 
+def test_a_walk_that_a_kept_foot_ended_was_followed_until_it_stood(live: Live) -> None:
+    """It was told as stopped 2 s later, or as expired; meanwhile the status named the walk as what is followed."""
+    walk = live.session.send(WALK, holds_s=3.0)
+    live.until_answered(walk.id)
+    go_on(live, 1.0)
+    again = live.session.send(WALK, holds_s=3.0)  # a stick that is held
+    live.until_answered(again.id)
+    live.session.send(Contact("both"), holds_s=1.0)
+    ticks = live.until(lambda: live.newest[again.id].over is not None, "the end of the walk")
+    assert ticks <= 10 and live.session.state.ladder is State.STREAMING
+    over = live.newest[again.id]
+    assert over.over == "stopped" and str(over.reason).startswith("both feet kept down")
+    live.until_state(State.HOLD)
+    go_on(live, 3.0)
+    assert live.session.state.ladder is State.HOLD and live.newest[walk.id].over is None
+
+
 def test_feet_that_both_stay_down_stay_in_their_stride_and_one_that_may_move_comes_beside_the_other(live: Live) -> None:
     asked(live, WALK, FOREVER)
     go_on(live, 2.2)
