@@ -308,7 +308,7 @@ class Desk:
             return
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
-                self.following = replace(self.following, steps=heard.steps, stood_s=None)
+                self.following = replace(self.following, steps=heard.steps, dropped=heard.dropped, stood_s=None)
                 # Its plan would pass the servos' envelope, or a foot is kept down.
                 given_up = heard.state == "refused" or heard.over == "stopped"
                 end = self.following.measured_end or ("stopped" if given_up else None)

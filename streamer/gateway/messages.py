@@ -298,7 +298,7 @@ class Ended(BaseModel):
             it does not understand, or the part was let go before it was there. stopped: by a stop, a fault, torque
             off, or a foot that is kept down.
         done: what the robot did, by its own odometry, how far the part is from its place, or why the target was given
-            up, in words.
+            up, in words; behind it what was left out since its answer.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -121,6 +121,15 @@ class StepRunner:
             return False
         return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
 
+    @property
+    def under_way(self) -> Step | None:
+        """The step that the robot does, or that its last target begins with; None: none, or all are done."""
+        if self._coming is not None:
+            return self._coming.steps[0]
+        if self._program is None or self._index >= len(self._program.steps):
+            return None
+        return self._program.steps[self._index]
+
     def wanted_from(self, frame: int) -> Intent | None:
         """What the human changes to at a frame: what is wanted, or an item of a script that has begun by then."""
         coming = self.source.program_at(frame)

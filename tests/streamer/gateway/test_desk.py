@@ -257,6 +257,30 @@ def test_the_end_of_a_heading_that_was_given_up_says_why(make_office: Make) -> N
     assert [(ended.end, ended.done) for ended in ends] == [("stopped", reason)]
 
 
+def test_a_clip_whose_steps_were_left_out_later_ended_as_done_whole(make_office: Make) -> None:
+    """A foot was kept down while it walked, and its end was "done: 6.47 s of 6.47 s"."""
+    office = make_office()
+    number, ends = told_ends(office, '{"type":"clip","clip":"walk"}')
+    step = HeardStep(text="walk", amount=6.47, unit="time", end="done", measured=6.47)
+    for steps in ((step.model_copy(update={"end": None}),), (step,)):
+        partly = Heard(id=number, asked="walk", state="partly", dropped=("steps",), steps=steps)
+        office.run.heard.publish(partly)
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("done", "6.47 s of 6.47 s, without steps")]
+
+
+def test_what_the_answer_named_as_left_out_is_not_told_again_at_the_end(make_office: Make) -> None:
+    office = make_office()
+    ends: list[Ended] = []
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    partly = Heard(id=office.run.arrived()[-1].id, asked="wave", state="partly", tick=5, dropped=("right hand",))
+    step = HeardStep(text="wave", amount=2.0, unit="times", end="time limit", measured=0.0)
+    for steps in ((), (step,)):
+        office.run.heard.publish(partly.model_copy(update={"steps": steps}))
+        office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("time limit", "0 times of 2 times")]
+
+
 def test_a_walk_that_a_kept_foot_ends_was_followed_until_the_robot_stood(make_office: Make) -> None:
     office = make_office()
     number, ends = told_ends(office, WALK)

@@ -432,7 +432,9 @@ def test_a_way_is_measured_by_the_stop_that_would_be_made(
     def update(row: object, *, halted: object, stands_at: Callable[[], np.ndarray]) -> None:
         stands_at()
 
-    runner = SimpleNamespace(update=update, wanted=None, aside=0.0, faces=False, over=False, travels=False)
+    runner = SimpleNamespace(
+        update=update, wanted=None, aside=0.0, faces=False, over=False, travels=False, under_way=None
+    )
     monkeypatch.setattr(bench.replanner, "_runner", runner)
     bench.publish_row(99)
     for early in (0.0, 0.25, 0.75):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ import pytest
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard, heard_since
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity, Waypoint
@@ -30,9 +31,9 @@ MOST_S = 20.0
 class Live:
     """A session that stands, with the answers to its targets, `told`, and their `newest` versions."""
 
-    def __init__(self, *items: Item) -> None:
+    def __init__(self, *items: Item, clips: Mapping[str, Motion] | None = None) -> None:
         robot = load_robot("op3")
-        source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub")  # type: ignore[arg-type]
+        source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub", clips=clips)  # type: ignore[arg-type]
         self.session = Session(robot, create("sim", robot, seed=0), source, load_stream())
         self._reader = self.session.heard_channel.reader()
         self.told: dict[int, Heard] = {}
@@ -45,8 +46,8 @@ class Live:
                 return ticks
             assert self.session.step(), f"the run ended before {what}"
             for answer in heard_since(self._reader):
-                later = answer.holds or answer.over or any(step.end is not None for step in answer.steps)
-                assert answer.id not in self.told or later, "answered twice"
+                ended = answer.over or any(step.end is not None for step in answer.steps)
+                assert answer.id not in self.told or answer.holds or answer.dropped or ended, "answered twice"
                 self.told.setdefault(answer.id, answer)
                 self.newest[answer.id] = answer
         raise AssertionError(f"waited {MOST_S:g} s of the robot for {what}")

@@ -11,6 +11,7 @@ import pytest
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
@@ -19,7 +20,7 @@ from flexmotion.streamer.control.plan_buffer import Offer
 from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, heard_since
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import Target
@@ -89,6 +90,21 @@ def test_a_walk_that_a_kept_foot_ended_was_followed_until_it_stood(live: Live) -
     live.until_state(State.HOLD)
     go_on(live, 3.0)
     assert live.session.state.ladder is State.HOLD and live.newest[walk.id].over is None
+
+
+def test_a_clip_whose_steps_a_foot_withheld_later_ended_as_made_whole() -> None:
+    """The last version of its answer was "accepted" again, and named no steps as left out."""
+    one = Live(clips={"walk": default_clip()[195:]})
+    with one.session:
+        one.until_state(State.STREAMING)
+        clip = one.session.send(Clip("walk"))
+        assert one.until_answered(clip.id).state == "accepted"
+        go_on(one, 1.5)
+        one.session.send(Contact("right"), holds_s=2.0)
+        one.until(lambda: one.newest[clip.id].steps[-1].end is not None, "the end of the clip")
+    last = one.newest[clip.id]
+    assert last.steps[-1].end == "done" and (last.state, last.dropped) == ("partly", ("steps",))
+    assert last.notes == ("without steps: right foot kept down: let it go first (relax 'right foot')",)
 
 
 def test_feet_that_both_stay_down_stay_in_their_stride_and_one_that_may_move_comes_beside_the_other(live: Live) -> None:
