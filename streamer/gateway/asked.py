@@ -40,6 +40,8 @@ class Asked:
     since_s: float
     on_end: OnEnd | None = None
     """Takes the end of a target; None: its sender is not told."""
+    sender: Hashable = None
+    """Connection that it came by; None: one of its own."""
     took_from: str | None = None
     due_s: float = math.inf
     """When the gateway answers by itself [s]."""

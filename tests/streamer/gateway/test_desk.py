@@ -281,6 +281,49 @@ def test_what_the_answer_named_as_left_out_is_not_told_again_at_the_end(make_off
     assert [(one.end, one.done) for one in ends] == [("time limit", "0 times of 2 times")]
 
 
+@pytest.mark.parametrize("message", ["clear", "arm"])
+def test_a_target_right_behind_a_clear_was_refused_for_the_stop_before_it(make_office: Make, message: str) -> None:
+    """It overtook the `clear` of its own connection: "release the stop first", then `clear` was accepted."""
+    office = make_office()
+    office.run.stopped = True
+    office.run.step()
+    office.ask(json.dumps({"type": message}), "a")
+    office.ask(WAVE, "a")
+    office.desk.pump()
+    assert office.run.arrived() == [] and office.told == [] and office.desk.busy
+    office.ask(WALK, "b")
+    assert len(office.run.arrived()) == 1, "another connection does not wait"
+    office.run.stopped = False
+    office.run.take(Request[message.upper()])
+    office.desk.pump()
+    assert office.states == ["accepted"]
+    assert [target.intent for target in office.run.arrived()] == [Text("wave")]
+
+
+def test_a_target_behind_a_clear_waits_for_a_second_and_its_time_goes_on(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    for message in ('{"type":"clear"}', WALK, WAVE, '{"type":"velocity","velocity":[0.3,0,0],"ttl_s":1.5}'):
+        office.ask(message, "a")
+    clock.now += 1.1
+    office.desk.pump()
+    assert [(one.asked, one.state) for one in office.told[:2]] == [("clear", "refused"), ("velocity", "expired")]
+    wave, walk = office.run.arrived()
+    assert (wave.intent, walk.holds_s) == (Text("wave"), pytest.approx(0.4))
+
+
+@pytest.mark.parametrize("stop", ["stop", "estop", "disarm"])
+def test_no_target_that_waits_for_a_clear_is_done_after_a_stop(make_office: Make, stop: str) -> None:
+    office = make_office()
+    office.ask('{"type":"clear"}', "a")
+    office.ask(WAVE, "a")
+    office.ask(json.dumps({"type": stop, "source": "phone"}), "b")
+    (refused,) = office.told
+    assert (refused.state, refused.reason) == ("refused", f"{stop} from phone came before it was sent")
+    office.run.take(Request.CLEAR)
+    office.desk.pump()
+    assert office.run.arrived() == []
+
+
 def test_a_walk_that_a_kept_foot_ends_was_followed_until_the_robot_stood(make_office: Make) -> None:
     office = make_office()
     number, ends = told_ends(office, WALK)
