@@ -40,6 +40,8 @@ class Asked:
     since_s: float
     on_end: OnEnd | None = None
     """Takes the end of a target; None: its sender is not told."""
+    sender: Hashable = None
+    """Connection that it came by; None: one of its own."""
     took_from: str | None = None
     due_s: float = math.inf
     """When the gateway answers by itself [s]."""
@@ -73,7 +75,7 @@ class Following:
         stamp_s: when it was accepted, on the gateway's clock [s].
         holds_s: it is over after this time [s].
         on_end: takes its end.
-        steps: its steps, in the newest version of the planner's answer.
+        steps: its steps, in the newest version of the planner's answer; dropped: what that names, likewise.
         stood_s: since when the robot stands though it is followed [s]; None: it does not.
         end: how it has ended; None: it goes on, or has no end.
     """
@@ -85,6 +87,7 @@ class Following:
     holds_s: float = math.inf
     on_end: OnEnd | None = None
     steps: tuple[HeardStep, ...] = ()
+    dropped: tuple[str, ...] = ()
     stood_s: float | None = None
     end: TargetEnd | None = None
 
@@ -111,7 +114,10 @@ class Following:
         return MEASURED_S + (waits_s or 0.0)
 
     def ended(self, end: TargetEnd, why: str | None = None) -> Following:
-        """The same at its end, of which its sender is told once; `why`: it was given up."""
+        """The same at its end, of which its sender is told once, with what was left out since its answer.
+
+        `why`: it was given up.
+        """
         if self.end is not None:
             return self
         if self.on_end is not None and self.answer.target is not None:
@@ -122,6 +128,8 @@ class Following:
             elif len(self.steps) > 1 and over:
                 done = "; ".join(f"{step.text}: {step.fate}" for step in over)
             answer = self.answer
+            if since := [part for part in self.dropped if part not in (answer.dropped or ())]:
+                done = ", ".join(filter(None, (done, f"without {', '.join(since)}")))
             self.on_end(Ended(id=answer.id, source=answer.source, target=self.answer.target, end=end, done=done))
         return replace(self, end=end)
 

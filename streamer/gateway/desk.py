@@ -22,7 +22,7 @@ from flexmotion.streamer.gateway.asked import WHOLE_BODY, Asked, Following, OnEn
 from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
-from flexmotion.streamer.gateway.loop_requests import REQUESTS, gets_up, in_effect, name_of, request_of
+from flexmotion.streamer.gateway.loop_requests import REQUESTS, gets_up, in_effect, leads, name_of, request_of
 from flexmotion.streamer.gateway.messages import (
     FOLLOWED,
     GET_UP_S,
@@ -125,6 +125,7 @@ class Desk:
         self._waiting: dict[str, Asked] = {}  # by part: targets that are sent when the interval of coalescing is over
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
+        self._behind: deque[Asked] = deque()  # targets that wait for a request of their connection
         self._sequences = Sequences(settings.lease_s)
         self._rates = SendRates(settings.coalesce_s)
         self._holder: str | None = None
@@ -132,7 +133,7 @@ class Desk:
     @property
     def busy(self) -> bool:
         """Whether a message waits for its answer."""
-        return bool(self._waiting or self._open or self._asked)
+        return bool(self._waiting or self._open or self._asked or self._behind)
 
     def receive(self, data: bytes, reply: Reply, sender: Hashable = None, on_end: OnEnd | None = None) -> None:
         """Take a message; `reply` is called once with its answer, now or from `pump`.
@@ -186,18 +187,20 @@ class Desk:
                 self.mirror.ends()
             self.following = self.following.ended("expired")
         self._time_out(now)
+        self._send_behind(now)
         self.lease.lapse(now)
         self._tell_lease()
 
     # ---------------------------------------------------------------- messages
 
     def _take(self, asked: Asked, sender: Hashable) -> None:
-        message, now = asked.message, asked.since_s
+        message, now, asked.sender = asked.message, asked.since_s, sender
         late = self._late(message)
         if late is not None:
             self.reject("stale")
             self._reply(asked, *late)
         elif type(message) in _EMERGENCIES:
+            self._drop_behind(message)
             self._request(asked)
         elif not self._sequences.ascends(message, sender, now):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
@@ -208,6 +211,7 @@ class Desk:
             self._reply(asked, "accepted" if held else "refused", None if held else "the lease was not held")
         else:
             if isinstance(message, DisarmMessage):
+                self._drop_behind(message)
                 self._request(asked)
                 return
             before = self.lease.holder
@@ -220,8 +224,10 @@ class Desk:
                 self._reply(asked, "accepted")
             elif type(message) in REQUESTS:
                 self._request(asked)
+            elif self._is_behind(asked):
+                self._behind.append(asked)
             else:
-                self._target(asked)
+                self._target(asked, now)
         self._tell_lease()
 
     def _late(self, message: Message) -> tuple[AnswerState, str] | None:
@@ -249,8 +255,26 @@ class Desk:
             return message.in_s + self.settings.part_holds_s
         return self.settings.velocity_holds_s if isinstance(message, VelocityMessage) else math.inf
 
-    def _target(self, asked: Asked) -> None:
-        intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
+    def _is_behind(self, asked: Asked) -> bool:
+        """Whether a target waits for a request that its connection has sent before; it does so for a second at most."""
+        return asked.sender is not None and any(leads(one) and one.sender == asked.sender for one in self._asked)
+
+    def _send_behind(self, now: float) -> None:
+        """Send the targets whose request is answered."""
+        for asked in [one for one in self._behind if not self._is_behind(one)]:
+            self._behind.remove(asked)
+            if now - asked.since_s < self._holds_s(asked.message):
+                self._target(asked, now)
+            else:
+                self._reply(asked, "expired", "the request before it was answered too late for it")
+
+    def _drop_behind(self, stop: Message) -> None:
+        """Refuse the targets that wait: what comes before a stop is not done after it."""
+        while self._behind:
+            self._reply(self._behind.popleft(), "refused", f"{stop.type} from {stop.source} came before it was sent")
+
+    def _target(self, asked: Asked, now: float) -> None:
+        intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message) - (now - asked.since_s)
         asked.intent, part = intent, _part_of(intent)
         asked.part = part
         if isinstance(intent, Relax):
@@ -258,8 +282,8 @@ class Desk:
                 self._reply(self._waiting.pop(let_go), "superseded", "the part was let go after it")
         if part in self._waiting:
             self._reply(self._waiting.pop(part), "superseded", "a newer target came within the interval of coalescing")
-        if self._rates.may_send(part, asked.since_s):
-            self._send(asked, asked.since_s)
+        if self._rates.may_send(part, now):
+            self._send(asked, now)
         elif part != WHOLE_BODY and len(self._waiting) >= MOST_WAITING:
             self._reply(asked, "refused", f"targets wait for {MOST_WAITING} parts already")
         else:
@@ -308,8 +332,9 @@ class Desk:
             return
         if asked is None:  # of another sender, of a script, or a later version: a step has ended
             if self.following is not None and self.following.answer.target == heard.id:
-                self.following = replace(self.following, steps=heard.steps, stood_s=None)
-                given_up = heard.state == "refused"  # its plan would pass the servos' envelope
+                self.following = replace(self.following, steps=heard.steps, dropped=heard.dropped, stood_s=None)
+                # Its plan would pass the servos' envelope, or a foot is kept down.
+                given_up = heard.state == "refused" or heard.over == "stopped"
                 end = self.following.measured_end or ("stopped" if given_up else None)
                 if end is not None:
                     self.following = self.following.ended(end, heard.reason if given_up else None)

@@ -46,6 +46,12 @@ def name_of(asked: Asked) -> str:
     return f"{name} {','.join(message.joints)}" if isinstance(message, JointsMessage) else name
 
 
+def leads(asked: Asked) -> bool:
+    """Whether the targets of its connection wait until it is answered: whether they are followed depends on it."""
+    waited = isinstance(asked.message, ArmMessage | ClearMessage | LimpMessage | StiffMessage)
+    return waited and not gets_up(asked.message)  # that one takes seconds, and targets are refused meanwhile
+
+
 def in_effect(asked: Asked, row: TickRow | None) -> bool:
     """Whether a request that the loop has taken acts, by the loop's newest row."""
     message = asked.message

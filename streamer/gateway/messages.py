@@ -295,10 +295,10 @@ class Ended(BaseModel):
         id, source: of its message; target: its number, as in its answer.
         end: done: its amount was measured, the robot has arrived, or the part is there. time limit: that took too
             long. expired: its time to live is over. superseded: the robot follows another target, stands for words that
-            it does not understand, or the part was let go before it was there. stopped: by a stop, a fault, or torque
-            off.
+            it does not understand, or the part was let go before it was there. stopped: by a stop, a fault, torque
+            off, or a foot that is kept down.
         done: what the robot did, by its own odometry, how far the part is from its place, or why the target was given
-            up, in words.
+            up, in words; behind it what was left out since its answer.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -24,15 +24,19 @@ State = Literal["accepted", "slowed", "moved", "partly", "refused", "superseded"
 without what `dropped` names; refused: not at all, for `reason`; superseded: another target came first; expired: it came
 too late."""
 
-End = Literal["done", "time limit", "superseded", "stopped"]
-"""How a step ended: its amount was measured, its time limit came first, another target or a stop came first."""
+End = Literal["done", "time limit", "superseded", "expired", "stopped"]
+"""How a step ended: its amount was measured, or its time limit, another target, the end of the target's time to live or
+a stop came first."""
+
+Halt = Literal["expired", "stopped"]
+"""Why nothing is followed any more: the target's time to live is over; a stop, a fault, or what the robot cannot do."""
 
 Holds = Literal["part", "restriction"]
 """What holds beside what the whole body does: an arm, the head or a foot at a place of its own, or a restriction."""
 
 Over = Literal["expired", "superseded", "let go", "stopped"]
 """How what held beside the whole body ended: its time is over, another target took its place, somebody let it go, or a
-stop, a fault or a planner that was started again."""
+stop, a fault or a planner that was started again. A motion that a kept foot ended is "stopped"."""
 
 GOALS = ("heading", "waypoint")
 """What is heard where the robot is to come to a heading or a place in its odometry."""
@@ -124,7 +128,8 @@ class Heard(BaseModel):
         holds: what holds from then on; None: it is for the whole body, or lets something go.
         there: of a part, once it is there: how far it is from its place as measured, in words.
         missed: of a part that was not there in time: likewise.
-        over: how what held ended; None: it holds, or never did.
+        over: how what held ended, or a motion that the restriction of a foot ended (`reason`: which); None: it goes on,
+            ended in another way, or never began.
         reached: in a report, whether the run came to this item of its script.
     """
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.tension import LIMBS
 from flexmotion.configs.errors import ConfigError, RetargetError
 from flexmotion.retarget.part_paths import LONGEST_FADE_S, PartGoal, PartGoals
 from flexmotion.retarget.part_solver import Solved
@@ -260,6 +261,18 @@ class PartTargets:
         """Angles of arms and head with the parts that hold at their goals, else of the stand pose, (C,) [rad]."""
         upper = self._retargeter.body.upper.joints
         return self._ahead(self._retargeter.robot.stand_pose)[upper]
+
+    def holding(self, before: int) -> list[tuple[str, str]]:
+        """Limbs (of `LIMBS`) that targets older than this number hold, with the names of their parts."""
+        robot, upper = self._retargeter.robot, self._retargeter.body.upper.joints
+        chains = {limb: list(robot.chain(limb).values()) for limb in LIMBS if limb in robot.mapping.chains()}
+        return [
+            (limb, one.intent.part)
+            for one in self._holding
+            if one.target.id < before and one.heard.over is None
+            for limb, joints in chains.items()
+            if np.isin(upper[one.goal.channels - len(POSTURE)], joints).any()
+        ]
 
     def _ahead(self, q: Float) -> Float:
         """Joint angles (n,) with the parts that hold at their goals."""

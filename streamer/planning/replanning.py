@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -25,6 +25,7 @@ from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.part_intents import HEAD_PLACE, FootPlace, HeadPlace, Relax
 from flexmotion.streamer.motion.part_words import part_of_words
+from flexmotion.streamer.motion.programs import Step
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.rest import asks_for_rest
 from flexmotion.streamer.motion.restriction_intents import FOOT_PARTS, Restriction
@@ -37,6 +38,7 @@ from flexmotion.streamer.planning.gesture_way import GestureWay
 from flexmotion.streamer.planning.head_targets import HeadTargets
 from flexmotion.streamer.planning.heading_drift import HeadingDrift
 from flexmotion.streamer.planning.lead import Kind, Lead
+from flexmotion.streamer.planning.left_out import left_out
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.mirroring import Mirroring
 from flexmotion.streamer.planning.part_targets import PartTargets
@@ -51,10 +53,11 @@ from flexmotion.streamer.planning.target_ledger import TargetLedger, halts
 Float = NDArray[np.float64]
 
 
-def _partly(heard: Heard, note: str) -> dict[str, Any]:
-    """What an answer says where steps are not made."""
-    state = heard.state if heard.state == "refused" else "partly"
-    return {"state": state, "dropped": (*heard.dropped, "steps"), "notes": (*heard.notes, note)}
+def _partly(heard: Heard, dropped: Sequence[str], note: str) -> dict[str, Any]:
+    """What an answer says where something is not made; `dropped`: what, as far as that is certain."""
+    state = "partly" if dropped and heard.state != "refused" else heard.state
+    known = dict.fromkeys((*heard.dropped, *dropped)), dict.fromkeys((*heard.notes, note))
+    return {"state": state, "dropped": tuple(known[0]), "notes": tuple(known[1])}
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -127,6 +130,7 @@ class Replanner:
         self._inherited: list[Heard] = []  # answers to what held when a planner died
         self.made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._withheld = -1  # the last target of which steps were not made
+        self._looked: tuple[int, Step | None] = (0, None)  # the last step of a target of which held parts were told
         self._checked = 0  # rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         self._ease_notes = EaseNotes(planner.retargeter.robot)
@@ -175,8 +179,8 @@ class Replanner:
         self._drift.update(row)
         self.push.update(row, self._due.asked_tick, self.made.lands_in(row))
         if self._runner is not None:
-            halted, stands_at = self.ledger.halted or halts(row), partial(self._stands_at, row, tick - early)
-            self._runner.update(row, halted=halted, stands_at=stands_at)
+            halted = self.ledger.halted or ("stopped" if halts(row) else None)
+            self._runner.update(row, halted=halted, stands_at=partial(self._stands_at, row, tick - early))
         target = self._newest_target(row, tick)
         pose = self.made.pose(row, tick)
         stand = self.planner.retargeter.robot.stand_pose
@@ -276,6 +280,7 @@ class Replanner:
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
         self._tell_withheld(planned.plan, target.id)
+        self._tell_held(target.id)
         self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
@@ -290,7 +295,7 @@ class Replanner:
                 self.ledger.amend(target, note.answer)
         # Also where that was told already: the loop may have refused the first plan that said so.
         if target and target == self.ledger.wanted.id and plan.eased is not None and plan.eased.refused:
-            self.ledger.halted = True
+            self.ledger.halted = "stopped"
 
     def _tell_withheld(self, plan: Plan, target: int) -> None:
         """Tell once for each target that steps of the motion are not made, because a foot is to stay where it is.
@@ -313,7 +318,21 @@ class Replanner:
         note = f"without steps: {stays}"
         self.on_note(note)
         if target:
-            self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, note)))
+            self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, ["steps"], note)))
+
+    def _tell_held(self, target: int) -> None:
+        """Tell once for each step of a target which of the parts that it moves an older target holds."""
+        step = None if self._runner is None else self._runner.under_way
+        if step is None or not target or (self._looked[0] == target and self._looked[1] is step):
+            return
+        self._looked = target, step
+        missing, perhaps = left_out(step.kind, self.parts.holding(target))
+        if not (missing or perhaps):
+            return
+        held = "; ".join(f"{part} held: let it go first (relax {part!r})" for part in (*missing, *perhaps))
+        note = f"{step.kind} without {', '.join(missing)}: {held}" if missing else held
+        self.on_note(note)
+        self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, missing, note)))
 
     def _take_part(self, target: Target, born_s: float) -> None:
         """Take a target for arms, head or feet, or one that restricts the robot; see `TargetLedger`."""
@@ -351,7 +370,7 @@ class Replanner:
     def _stand_still(self, reason: str) -> None:
         """A foot begins to stay where it is: a robot that walks comes to a stand, and what it walked for is over."""
         if self._travels:
-            self.ledger.halted = True
+            self.ledger.cut(reason)
             self.on_note(f"coming to a stand: {reason}")
 
     @property
@@ -398,7 +417,7 @@ class Replanner:
         self.head.refuse_all(reason)
         self.restrictions.refuse_all(reason)
         if not row.plan and not row.pending:
-            self._succeeds, self.ledger.halted = not row.ready, True
+            self._succeeds, self.ledger.halted = not row.ready, "stopped"
             return not self._succeeds
         offer = self.plans.playing()
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
@@ -409,7 +428,7 @@ class Replanner:
         self.feet.begin_with(plan, feet)
         self.head.begin_with(plan, heads)
         self.restrictions.begin_with(offer.ticket.id, plan, [one for one in self._inherited if one not in stay])
-        self._succeeds, self.ledger.halted = False, True
+        self._succeeds, self.ledger.halted = False, "stopped"
         return True
 
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
@@ -459,10 +478,8 @@ class Replanner:
         """A step of a program has ended."""
         followed = self.ledger.answer
         if followed is not None and followed.id == heard.id:
-            known: dict[str, object] = {"at_s": followed.at_s, "tick": followed.tick}
-            if followed.state == "refused":  # its program ends with it, and knows nothing of why
-                known |= {"state": followed.state, "reason": followed.reason}
-            heard = self.ledger.answer = heard.model_copy(update=known)
+            # Its program knows nothing of what was told of it since: why it is refused, or what is left out.
+            heard = self.ledger.answer = followed.model_copy(update={"steps": heard.steps})
         last = [step for step in heard.steps if step.end is not None][-1:]
         for step in last:
             self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")

@@ -84,7 +84,7 @@ class SourceTurns:
         goes_on = [GOES_ON] if isinstance(source, MirrorSource) else []
         goes_on += [] if isinstance(source, LiveSource) else [f"{source.name} is over"]
         self.ledger.turned(target, heard_as_rest(target.intent, *goes_on))
-        self.ledger.halted = True
+        self.ledger.halted = "stopped"
 
     def _travels(self, frame: int) -> bool:
         """Whether the program at a frame moves the robot from its place, or turns it."""

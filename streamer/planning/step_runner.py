@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import End, Heard, HeardStep
+from flexmotion.streamer.motion.heard import End, Halt, Heard, HeardStep
 from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
@@ -121,6 +121,15 @@ class StepRunner:
             return False
         return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
 
+    @property
+    def under_way(self) -> Step | None:
+        """The step that the robot does, or that its last target begins with; None: none, or all are done."""
+        if self._coming is not None:
+            return self._coming.steps[0]
+        if self._program is None or self._index >= len(self._program.steps):
+            return None
+        return self._program.steps[self._index]
+
     def wanted_from(self, frame: int) -> Intent | None:
         """What the human changes to at a frame: what is wanted, or an item of a script that has begun by then."""
         coming = self.source.program_at(frame)
@@ -170,20 +179,20 @@ class StepRunner:
         # Of a human that was steered the source does not know which step it does.
         return self._keeper.asked if self._is_kept(step) else step.intent
 
-    def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
+    def update(self, row: TickRow, *, halted: Halt | None = None, stands_at: Callable[[], Float] | None = None) -> None:
         """Take the newest row of the loop.
 
         Args:
-            halted: what was asked for has ended by a stop, or by its age.
+            halted: what was asked for has ended, and how; None: it has not.
             stands_at: gives where the robot comes to stand if it stops now, in the plan's world (`stopping_place`).
         """
         if not np.all(row.contact_ref):
             self._walked_tick = int(row.tick)
         self._last_rest.update(row)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
-            self._abandon("stopped", row)
+            self._abandon(halted or "stopped", row)
             if halted:
-                self._drop_coming(row)
+                self._drop_coming(halted, row)
             return
         if not math.isfinite(source_s := self._clock.second(row, runs_on=self.resting)):
             return
@@ -303,20 +312,20 @@ class StepRunner:
             self._publish()
             self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
-        if end == "stopped":
+        if end != "superseded":
             self._keeper = self._straight = None
             if self._program is not None:
                 self.source.stopped(self._program)
 
-    def _drop_coming(self, row: TickRow) -> None:
-        """A stop came before the first frame of the last target's program was played: nothing of it is under way."""
+    def _drop_coming(self, end: Halt, row: TickRow) -> None:
+        """Its end came before the first frame of the last target's program was played: nothing of it is under way."""
         coming, self._coming = self._coming, None
         if coming is None:
             return
         self._program, self._index = coming, len(coming.steps)
         self._ends = list(coming.heard.steps)
         if not coming.is_open:
-            known = {"end": "stopped", "end_s": self._second(row)}
+            known = {"end": end, "end_s": self._second(row)}
             self._ends = [step.model_copy(update=known) for step in self._ends]
             self._publish()
         self.source.stopped(coming)
@@ -335,7 +344,7 @@ class StepRunner:
             missing = step.amount.value - value
             rests = self._phase is not _Phase.ACT and step.amount.quantity != "time"
             reached = not is_missing(step, missing, self.size) if rests else missing <= 0.0
-            if end == "stopped" and reached and not bool(row.faulted):
+            if end != "superseded" and reached and not bool(row.faulted):
                 end = "done"
         return self._known(step, row, end, value)
 

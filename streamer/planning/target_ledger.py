@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import Halt, Heard
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity, words_of
 from flexmotion.streamer.motion.part_intents import PartIntent
@@ -112,7 +112,7 @@ class TargetLedger:
 
     Attributes:
         halted: a stop was in force, or the time of the followed target is over: the robot comes to a stand, and stands
-            until a new target arrives. What was asked for before does not go on by itself.
+            until a new target arrives. What was asked for before does not go on by itself. None: it goes on.
         answer: to the target that the robot follows; None: none yet.
     """
 
@@ -127,16 +127,20 @@ class TargetLedger:
         lockstep: bool,
         on_part: Callable[[Target, float], None] = lambda _target, _born_s: None,
     ) -> None:
-        self.publish, self.on_note, self.on_part, self.halted = publish, on_note, on_part, False
+        self.publish, self.on_note, self.on_part = publish, on_note, on_part
+        self.halted: Halt | None = None
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
-        self._before = (-math.inf, False)  # `_turned_s` and `halted` before the last turn
+        self._cut: str | None = None  # why the followed target is over before its time, until that is told
+        # `_turned_s`, `halted` and `_cut` before the last turn
+        self._before: tuple[float, Halt | None, str | None] = (-math.inf, None, None)
         self._gave_way = self._gives_way = False
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
         self._displaced: _Entry | None = None  # planned before the last turn, which may still be taken back
         self._followed: _Entry | None = None
+        self._sent_again = 0  # the newest target that only made the followed one hold longer
 
     @property
     def has_new(self) -> bool:
@@ -193,7 +197,8 @@ class TargetLedger:
         """
         now_s, ended = self.now_s(), ended_by(row)
         if ended is not None:
-            self.halted |= halts(row)
+            if halts(row):
+                self.halted = self.halted or "stopped"
             self._take_back(int(row.target), ended)
             self.refuse_all(ended)
             return
@@ -206,16 +211,18 @@ class TargetLedger:
         if planned is not None and self._too_old(planned, now_s):
             # The loop has refused every plan that follows it; the source has turned to it all the same.
             self._publish(planned, "expired", _late(planned.target))
-            self._planned, self.halted = None, True
+            self._planned, self.halted = None, "expired"
         if opened is not None and self._too_old(opened, now_s):
             self._publish(opened, "expired", _late(opened.target))
             self._open = opened = None
+        self._tell_cut()
         if followed is None or self.halted or self._planned is not None:
             return
         again = opened is not None and isinstance(opened.target.intent, Velocity)
         if opened is not None and again and opened.target.intent == followed.target.intent:
             # Sent again, as by a stick that is held: it holds longer, and no plan is cut short for it.
             self._publish(replace(opened, heard=followed.heard), None, "goes on as before", self._tick)
+            self._sent_again = opened.target.id
             self._followed = replace(
                 followed,
                 target=replace(followed.target, holds_s=opened.target.holds_s),
@@ -223,8 +230,25 @@ class TargetLedger:
             )
             self._open = None
         elif followed.age_s(now_s) > followed.target.holds_s:
-            self.halted = True
+            self.halted = "expired"
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
+
+    def cut(self, reason: str) -> None:
+        """What is followed, or planned, is over before its time; told once the runner has told what it measured of it.
+
+        Args:
+            reason: why.
+        """
+        self.halted, self._cut = "stopped", reason
+
+    def _tell_cut(self) -> None:
+        """Tell that the followed target is over, to whom it was answered last."""
+        if self._cut is None or self._planned is not None or self.answer is None:
+            return
+        reason, self._cut = self._cut, None
+        if self.answer.state not in ("refused", "superseded", "expired"):
+            self.answer = self.answer.model_copy(update={"over": "stopped", "reason": reason})
+            self.publish(self.answer.model_copy(update={"id": max(self.answer.id, self._sent_again)}))
 
     def _take_back(self, begun: int, reason: str) -> None:
         """Refuse, by a later version, a target whose plan only waited when the stop came: the loop has dropped it.
@@ -251,7 +275,8 @@ class TargetLedger:
                 holds_s = min(target.holds_s, self._open.age_s(self.now_s()) + left_s)
                 self._open = replace(self._open, target=replace(self._open.target, holds_s=holds_s))
                 heard = heard if heard is None else heard.model_copy(update={"left_s": left_s})
-        self._before, self.halted = (self._turned_s, self.halted), False
+        self._before = (self._turned_s, self.halted, self._cut)
+        self.halted = self._cut = None
         self._gives_way, self._gave_way = not self._gave_way, False
         if self._open is not None and self._open.target.id == target.id:
             self._turned_s = self.now_s()
@@ -300,7 +325,7 @@ class TargetLedger:
         if self._planned is not None:
             self._publish(self._planned, "superseded", "a newer target came before its plan was made")
         self._planned, self._displaced, self._gave_way = self._displaced, None, True
-        self._turned_s, self.halted = self._before
+        self._turned_s, self.halted, self._cut = self._before
 
     def refuse(self, target: Target, reason: str) -> None:
         """The source cannot follow a target."""

@@ -9,7 +9,7 @@ const MARKS = {
   refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], stopped: ["stopped", "warn"], wait: ["sent", "wait"],
   unsure: ["unsure", "warn"], ended: ["ended", "wait"],
 };
-const ENDS = { done: "✓", "time limit": "not finished", superseded: "replaced", stopped: "stopped", expired: "too late" };
+const ENDS = { done: "✓", "time limit": "not finished", superseded: "replaced", stopped: "stopped", expired: "ended" };
 const FOLLOWED = ["accepted", "slowed", "moved"];
 
 // [words, kind] of the mark beside an entry.
@@ -24,6 +24,7 @@ function outcome({ state, answer, text, ended }) {
   if (ends.length && ends.every(Boolean)) {
     if (ends.every((end) => end === "done")) return "done";
     if (ends.includes("time limit")) return "late";
+    if (ends.includes("expired")) return "ended";
     return ends.includes("stopped") ? "stopped" : ended?.[1] || "superseded";
   }
   if (ended?.[1]) return ended[1];

@@ -79,7 +79,7 @@ def stand(office: Any, clock: Clock, seconds: float) -> None:
         office.desk.pump()
 
 
-@pytest.mark.parametrize("how", ["done", "time limit"])
+@pytest.mark.parametrize("how", ["done", "time limit", "expired"])
 def test_the_end_of_a_target_is_told_once_to_who_asked_for_it(make_office: Make, how: Any) -> None:
     """A program learnt from the status alone that a target had ended, and not whether it was its own."""
     office = make_office()
@@ -255,6 +255,83 @@ def test_the_end_of_a_heading_that_was_given_up_says_why(make_office: Make) -> N
     office.run.heard.publish(Heard(id=number, asked="heading", state="refused", reason=reason, steps=(step,)))
     office.desk.pump()
     assert [(ended.end, ended.done) for ended in ends] == [("stopped", reason)]
+
+
+def test_a_clip_whose_steps_were_left_out_later_ended_as_done_whole(make_office: Make) -> None:
+    """A foot was kept down while it walked, and its end was "done: 6.47 s of 6.47 s"."""
+    office = make_office()
+    number, ends = told_ends(office, '{"type":"clip","clip":"walk"}')
+    step = HeardStep(text="walk", amount=6.47, unit="time", end="done", measured=6.47)
+    for steps in ((step.model_copy(update={"end": None}),), (step,)):
+        partly = Heard(id=number, asked="walk", state="partly", dropped=("steps",), steps=steps)
+        office.run.heard.publish(partly)
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("done", "6.47 s of 6.47 s, without steps")]
+
+
+def test_what_the_answer_named_as_left_out_is_not_told_again_at_the_end(make_office: Make) -> None:
+    office = make_office()
+    ends: list[Ended] = []
+    office.desk.receive(WAVE.encode(), office.told.append, "a", ends.append)
+    partly = Heard(id=office.run.arrived()[-1].id, asked="wave", state="partly", tick=5, dropped=("right hand",))
+    step = HeardStep(text="wave", amount=2.0, unit="times", end="time limit", measured=0.0)
+    for steps in ((), (step,)):
+        office.run.heard.publish(partly.model_copy(update={"steps": steps}))
+        office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("time limit", "0 times of 2 times")]
+
+
+@pytest.mark.parametrize("message", ["clear", "arm"])
+def test_a_target_right_behind_a_clear_was_refused_for_the_stop_before_it(make_office: Make, message: str) -> None:
+    """It overtook the `clear` of its own connection: "release the stop first", then `clear` was accepted."""
+    office = make_office()
+    office.run.stopped = True
+    office.run.step()
+    office.ask(json.dumps({"type": message}), "a")
+    office.ask(WAVE, "a")
+    office.desk.pump()
+    assert office.run.arrived() == [] and office.told == [] and office.desk.busy
+    office.ask(WALK, "b")
+    assert len(office.run.arrived()) == 1, "another connection does not wait"
+    office.run.stopped = False
+    office.run.take(Request[message.upper()])
+    office.desk.pump()
+    assert office.states == ["accepted"]
+    assert [target.intent for target in office.run.arrived()] == [Text("wave")]
+
+
+def test_a_target_behind_a_clear_waits_for_a_second_and_its_time_goes_on(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    for message in ('{"type":"clear"}', WALK, WAVE, '{"type":"velocity","velocity":[0.3,0,0],"ttl_s":1.5}'):
+        office.ask(message, "a")
+    clock.now += 1.1
+    office.desk.pump()
+    assert [(one.asked, one.state) for one in office.told[:2]] == [("clear", "refused"), ("velocity", "expired")]
+    wave, walk = office.run.arrived()
+    assert (wave.intent, walk.holds_s) == (Text("wave"), pytest.approx(0.4))
+
+
+@pytest.mark.parametrize("stop", ["stop", "estop", "disarm"])
+def test_no_target_that_waits_for_a_clear_is_done_after_a_stop(make_office: Make, stop: str) -> None:
+    office = make_office()
+    office.ask('{"type":"clear"}', "a")
+    office.ask(WAVE, "a")
+    office.ask(json.dumps({"type": stop, "source": "phone"}), "b")
+    (refused,) = office.told
+    assert (refused.state, refused.reason) == ("refused", f"{stop} from phone came before it was sent")
+    office.run.take(Request.CLEAR)
+    office.desk.pump()
+    assert office.run.arrived() == []
+
+
+def test_a_walk_that_a_kept_foot_ends_was_followed_until_the_robot_stood(make_office: Make) -> None:
+    office = make_office()
+    number, ends = told_ends(office, WALK)
+    kept = Heard(id=number, asked="walk", state="accepted", over="stopped", reason="left foot kept down")
+    office.run.heard.publish(kept)
+    office.desk.pump()
+    assert [(one.end, one.done) for one in ends] == [("stopped", "left foot kept down")]
+    assert office.desk.following is not None and office.desk.following.end == "stopped"
 
 
 def test_a_target_that_is_given_up_later_has_ended(make_office: Make) -> None:

@@ -429,10 +429,12 @@ def test_a_way_is_measured_by_the_stop_that_would_be_made(
 
     monkeypatch.setattr(bench.planner, "stands_at", stands_at)
 
-    def update(row: object, *, halted: bool, stands_at: Callable[[], np.ndarray]) -> None:
+    def update(row: object, *, halted: object, stands_at: Callable[[], np.ndarray]) -> None:
         stands_at()
 
-    runner = SimpleNamespace(update=update, wanted=None, aside=0.0, faces=False, over=False, travels=False)
+    runner = SimpleNamespace(
+        update=update, wanted=None, aside=0.0, faces=False, over=False, travels=False, under_way=None
+    )
     monkeypatch.setattr(bench.replanner, "_runner", runner)
     bench.publish_row(99)
     for early in (0.0, 0.25, 0.75):
@@ -514,4 +516,4 @@ def test_a_target_beyond_the_envelope_is_eased_and_its_answer_says_so(op3: Robot
     assert answers[-1].id == target.id
     assert "times its servo's envelope" in str(answers[-1].reason if state == "refused" else answers[-1].notes)
     assert any(note.startswith(EASED) for note in notes)
-    assert bench.replanner.ledger.halted is (state == "refused")
+    assert bool(bench.replanner.ledger.halted) is (state == "refused")

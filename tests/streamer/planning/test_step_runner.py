@@ -376,8 +376,29 @@ def test_a_target_that_is_over_ends_its_program() -> None:
     robot = Robot((0, program(TURN, WAIT)))
     robot.run(2.9, turn=0.6)
     assert robot.runner.resting
-    robot.runner.update(robot.row, halted=True)
+    robot.runner.update(robot.row, halted="stopped")
     assert robot.ends == ["done", "stopped"] and not robot.runner.resting and robot.runner.wanted is None
+
+
+@pytest.mark.parametrize("coming", [False, True])
+def test_a_walk_whose_time_to_live_was_over_was_told_as_stopped(coming: bool) -> None:
+    """The end of all that has an amount was "stopped", as by a STOP, and never "expired"."""
+    robot = Robot((0, program(WALK, WAVE)))
+    robot.run(1.0, ahead=0.2)
+    if coming:
+        robot.runner.turned(program(WALK, WAVE, number=2), robot.row)
+    robot.runner.update(robot.row, halted="expired")
+    assert robot.ends == ["expired"] * 2 and robot.heard[-1].id == (2 if coming else 1)
+    assert robot.runner.source.stopped_number == robot.heard[-1].id and not robot.runner.travels
+    if not coming:
+        assert robot.heard[-1].steps[0].measured == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_turn_whose_time_is_over_while_the_robot_comes_to_rest_after_it_is_done() -> None:
+    robot = Robot((0, program(TURN)))
+    robot.run(2.9, turn=0.6)
+    robot.runner.update(robot.row, halted="expired")
+    assert robot.ends == ["done"]
 
 
 def test_a_script_goes_on_while_the_robot_rests() -> None:
@@ -489,7 +510,7 @@ def test_a_stop_ends_what_is_under_way_for_the_source_too() -> None:
     """Regression: "faster" after a STOP made a standing robot walk, although it was refused."""
     robot = Robot((0, program(OPEN)))
     robot.run(4.0, ahead=0.4)
-    robot.runner.update(robot.row, halted=True)
+    robot.runner.update(robot.row, halted="stopped")
     assert robot.runner.source.stopped_number == 1
 
 
@@ -498,7 +519,7 @@ def test_a_stop_before_its_first_frame_ends_a_program_too() -> None:
     robot = Robot((0, program(OPEN)))
     robot.run(4.0, ahead=0.4)
     robot.runner.turned(program(WALK, WAVE, number=2), robot.row)
-    robot.runner.update(robot.row, halted=True)
+    robot.runner.update(robot.row, halted="stopped")
     assert robot.runner.source.stopped_number == 2 and not robot.runner.travels
     assert robot.heard[-1].id == 2 and robot.ends == ["stopped", "stopped"]
 
@@ -587,7 +608,7 @@ def test_what_the_human_looks_aside_is_taken_off_a_straight_way_alone() -> None:
 def test_a_stop_forgets_the_velocity() -> None:
     robot = Robot((0, program(OPEN)))
     robot.run(20.0, ahead=0.2)
-    robot.runner.update(robot.row, halted=True)
+    robot.runner.update(robot.row, halted="stopped")
     assert robot.runner.turned(program(OPEN, number=2), robot.row) is None
 
 

@@ -124,12 +124,43 @@ def test_a_velocity_that_is_not_sent_again_brings_the_robot_to_a_stand(bench: Be
     bench.look(149)
     assert not bench.ledger.halted
     bench.look(151)
-    assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
+    assert bench.ledger.halted == "expired" and bench.ledger.wanted is NO_TARGET
     assert bench.notes == ["target 1 is over after 0.5 s: coming to a stand"]
     bench.mailbox.send(WAVE)
     bench.look(400)
     bench.follow(401)
     assert not bench.ledger.halted and bench.states == [(1, "accepted"), (2, "accepted")]
+
+
+def test_a_target_that_was_cut_before_the_loop_had_its_plan_went_on_for_who_had_asked(bench: Bench) -> None:
+    """Its answer was "accepted", and nothing told that the robot came to a stand at once."""
+    bench.mailbox.send(WALK)
+    bench.look(10)
+    bench.ledger.turned(bench.ledger.wanted, None)
+    bench.ledger.cut("left foot kept down")
+    bench.look(11)
+    assert bench.told == []
+    bench.taken = 1
+    bench.look(12, target=1)
+    bench.look(13, target=1)
+    assert [(one.state, one.over, one.reason) for one in bench.told] == [
+        ("accepted", None, None),
+        ("accepted", "stopped", "left foot kept down"),
+    ]
+    assert bench.ledger.halted == "stopped" and bench.ledger.wanted is NO_TARGET
+
+
+def test_a_turn_that_is_taken_back_leaves_what_a_kept_foot_has_cut_over(bench: Bench) -> None:
+    bench.mailbox.send(WALK)
+    bench.look(10)
+    bench.follow(11)
+    bench.ledger.cut("left foot kept down")
+    bench.mailbox.send(WAVE)
+    bench.ledger.take(12)
+    bench.ledger.turned(bench.ledger.wanted, None)
+    bench.ledger.give_way()
+    bench.look(13, target=1)
+    assert bench.told[-1].over == "stopped" and bench.ledger.halted == "stopped"
 
 
 def test_a_stick_that_is_held_goes_on_without_a_new_plan(bench: Bench) -> None:
@@ -217,7 +248,7 @@ def test_what_holds_already_is_not_begun_again(intent: Intent) -> None:
 def test_a_target_that_gives_way_while_the_robot_is_to_stand_leaves_it_standing() -> None:
     """Had the newer one been refused, what was asked before the stop would have gone on."""
     bench = Bench()
-    bench.ledger.halted = True
+    bench.ledger.halted = "stopped"
     first = bench.mailbox.send(WALK)
     bench.look(100)
     bench.ledger.turned(first, None)

@@ -355,7 +355,7 @@ def test_after_a_fault_a_planner_that_was_started_again_begins_nothing_by_itself
         run.ask(Request.ESTOP)
         run.until_state(State.FAULT)
         (replanner,) = made
-        replanner.ledger.halted = False  # as in a new process
+        replanner.ledger.halted = None  # as in a new process
         replanner.succeed()
         session.advance(0.5)
         run.ask(Request.CLEAR)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -10,9 +10,10 @@ import pytest
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.heard import Heard, heard_since
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.requests import Request
@@ -30,9 +31,9 @@ MOST_S = 20.0
 class Live:
     """A session that stands, with the answers to its targets, `told`, and their `newest` versions."""
 
-    def __init__(self, *items: Item) -> None:
+    def __init__(self, *items: Item, clips: Mapping[str, Motion] | None = None) -> None:
         robot = load_robot("op3")
-        source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub")  # type: ignore[arg-type]
+        source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub", clips=clips)  # type: ignore[arg-type]
         self.session = Session(robot, create("sim", robot, seed=0), source, load_stream())
         self._reader = self.session.heard_channel.reader()
         self.told: dict[int, Heard] = {}
@@ -45,7 +46,8 @@ class Live:
                 return ticks
             assert self.session.step(), f"the run ended before {what}"
             for answer in heard_since(self._reader):
-                assert answer.id not in self.told or answer.holds, "answered twice"
+                ended = answer.over or any(step.end is not None for step in answer.steps)
+                assert answer.id not in self.told or answer.holds or answer.dropped or ended, "answered twice"
                 self.told.setdefault(answer.id, answer)
                 self.newest[answer.id] = answer
         raise AssertionError(f"waited {MOST_S:g} s of the robot for {what}")
@@ -90,6 +92,15 @@ def test_a_velocity_that_is_not_renewed_ends_in_a_stand_and_the_next_target_goes
     assert live.yaw_speed() > TURNS
     session.finish()
     assert session.record.underruns == 0 and not [e for e in session.record.events if e.kind == "fault"]
+
+
+def test_a_waypoint_whose_time_to_live_was_over_was_told_as_stopped(live: Live) -> None:
+    """Its end, and that of every motion with an amount, was "stopped" instead of "expired"."""
+    target = live.session.send(Waypoint(3.0, 0.0), holds_s=2.0)
+    assert live.until_answered(target.id).state in ("accepted", "slowed")
+    live.until_state(State.HOLD)
+    (step,) = live.newest[target.id].steps
+    assert step.end == "expired" and step.place is not None
 
 
 def test_a_stop_holds_until_clear_and_what_was_asked_before_it_does_not_go_on(live: Live) -> None:

@@ -21,6 +21,7 @@ from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.parts import RunParts
 from flexmotion.streamer.run.requests import Request
 
+from ..stub_sampler import StubSampler
 from .test_live_targets import Live
 
 RATE = 125
@@ -68,6 +69,23 @@ def test_a_hand_of_a_robot_that_stands_is_there_in_time_stays_and_comes_back(liv
     live.until_state(State.HOLD)
     assert np.linalg.norm(hand(live) - home) < 0.05
     assert not live.session.record.ticks.true_self_contact.any()
+
+
+def test_a_wave_with_a_hand_that_is_held_was_accepted_without_a_word(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The arm did not move, and "wave twice" ended as 0 of 2 times."""
+    prompt = StubSampler.prompt
+    monkeypatch.setattr(StubSampler, "prompt", lambda self, text: replace(prompt(self, text), kind="wave-right-hand"))
+    wave = Text("wave with the right hand")
+    assert asked(live, Hand("left", PLACE, in_s=0.5), 20.0).state in ("accepted", "slowed")
+    assert (free := asked(live, wave)).state == "accepted" and not free.notes
+    assert asked(live, Hand("right", (0.12, -0.12, 0.05), in_s=0.5), 20.0).state in ("accepted", "slowed")
+    held = asked(live, wave)
+    assert (held.state, held.dropped) == ("partly", ("right hand",))
+    assert held.notes == ("wave-right-hand without right hand: right hand held: let it go first (relax 'right hand')",)
+    assert asked(live, Relax("right hand")).state == "accepted"
+    assert asked(live, wave).state == "accepted"
 
 
 def test_it_is_told_when_a_part_is_there_and_how_what_held_ended(live: Live) -> None:

@@ -11,6 +11,7 @@ import pytest
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
@@ -19,7 +20,7 @@ from flexmotion.streamer.control.plan_buffer import Offer
 from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, heard_since
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
 from flexmotion.streamer.motion.part_intents import Hand, Look, Relax
 from flexmotion.streamer.motion.restriction_intents import Contact, Tension, TorqueCap
 from flexmotion.streamer.motion.targets import Target
@@ -72,6 +73,38 @@ def test_a_robot_that_walks_puts_the_foot_down_and_stands_until_it_may_lift_it_a
     go_on(live, 2.0)
     assert live.session.record.ticks.true_base[-1, 0] - place[0] > 0.05
     assert np.abs(live.session.record.ticks.tilt).max() < 0.5
+
+
+def test_a_walk_that_a_kept_foot_ended_was_followed_until_it_stood(live: Live) -> None:
+    """It was told as stopped 2 s later, or as expired; meanwhile the status named the walk as what is followed."""
+    walk = live.session.send(WALK, holds_s=3.0)
+    live.until_answered(walk.id)
+    go_on(live, 1.0)
+    again = live.session.send(WALK, holds_s=3.0)  # a stick that is held
+    live.until_answered(again.id)
+    live.session.send(Contact("both"), holds_s=1.0)
+    ticks = live.until(lambda: live.newest[again.id].over is not None, "the end of the walk")
+    assert ticks <= 10 and live.session.state.ladder is State.STREAMING
+    over = live.newest[again.id]
+    assert over.over == "stopped" and str(over.reason).startswith("both feet kept down")
+    live.until_state(State.HOLD)
+    go_on(live, 3.0)
+    assert live.session.state.ladder is State.HOLD and live.newest[walk.id].over is None
+
+
+def test_a_clip_whose_steps_a_foot_withheld_later_ended_as_made_whole() -> None:
+    """The last version of its answer was "accepted" again, and named no steps as left out."""
+    one = Live(clips={"walk": default_clip()[195:]})
+    with one.session:
+        one.until_state(State.STREAMING)
+        clip = one.session.send(Clip("walk"))
+        assert one.until_answered(clip.id).state == "accepted"
+        go_on(one, 1.5)
+        one.session.send(Contact("right"), holds_s=2.0)
+        one.until(lambda: one.newest[clip.id].steps[-1].end is not None, "the end of the clip")
+    last = one.newest[clip.id]
+    assert last.steps[-1].end == "done" and (last.state, last.dropped) == ("partly", ("steps",))
+    assert last.notes == ("without steps: right foot kept down: let it go first (relax 'right foot')",)
 
 
 def test_feet_that_both_stay_down_stay_in_their_stride_and_one_that_may_move_comes_beside_the_other(live: Live) -> None:
