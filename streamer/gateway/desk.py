@@ -224,6 +224,8 @@ class Desk:
                 self._reply(asked, "accepted")
             elif type(message) in REQUESTS:
                 self._request(asked)
+            elif self._is_behind(asked) and len(self._behind) >= MOST_WAITING:
+                self._reply(asked, "refused", f"{MOST_WAITING} targets wait for the request before them already")
             elif self._is_behind(asked):
                 self._behind.append(asked)
             else:

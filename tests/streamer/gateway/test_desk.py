@@ -14,6 +14,7 @@ import pytest
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway import desk as desk_module
 from flexmotion.streamer.gateway.messages import Ended
+from flexmotion.streamer.gateway.send_rates import MOST_WAITING
 from flexmotion.streamer.gateway.status import status_of
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Heading, Stop, Text, Velocity, Waypoint
@@ -309,6 +310,16 @@ def test_a_target_behind_a_clear_waits_for_a_second_and_its_time_goes_on(make_of
     assert [(one.asked, one.state) for one in office.told[:2]] == [("clear", "refused"), ("velocity", "expired")]
     wave, walk = office.run.arrived()
     assert (wave.intent, walk.holds_s) == (Text("wave"), pytest.approx(0.4))
+
+
+def test_no_more_targets_wait_for_a_clear_than_for_the_planner(make_office: Make) -> None:
+    """A flood behind a `clear` was kept without a bound."""
+    office = make_office()
+    office.ask('{"type":"clear"}', "a")
+    for _ in range(MOST_WAITING + 3):
+        office.ask(WAVE, "a")
+    assert [one.state for one in office.told] == ["refused"] * 3
+    assert office.told[0].reason == f"{MOST_WAITING} targets wait for the request before them already"
 
 
 @pytest.mark.parametrize("stop", ["stop", "estop", "disarm"])

@@ -87,7 +87,7 @@ def message(key: str, data: bytes, attachment: bytes | None) -> Any:
 def counted(hub: Any) -> int:
     """Messages that have an answer, or wait for the planner's or the loop's."""
     desk = hub.office.desk
-    waiting = len(desk._open) + len(desk._asked) + (desk._waiting is not None)
+    waiting = len(desk._open) + len(desk._asked) + len(desk._behind) + (desk._waiting is not None)
     states = ("accepted", "slowed", "partly", "superseded", "expired", "refused")
     return sum(desk.counts[state] for state in states) + waiting
 
