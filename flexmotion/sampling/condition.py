@@ -25,6 +25,7 @@ class Condition:
             velocity ("step to the left") stand for that velocity unless another is given.
         velocity: of the root in its own heading: forward, left [m/s], turning left [rad/s]; None for none. A velocity
             without words that is nearly zero means standing still.
+        tempo: factor on the speed of a rhythm that the words mean; no other motion has one.
         wordless: whether nothing is said of what to do, in words or manner: the history goes on, at the velocity, which
             is asked as it is. `text` and `manner` do not count then.
         manner: in which to do it; None for the one that the words say, which is the normal one where they say none.
@@ -57,6 +58,7 @@ class Condition:
     constraints: Constraints | None = None
     pose: KeptPose | Rhythm | None = None
     held: bool = False
+    tempo: float = 1.0
 
     def __post_init__(self) -> None:
         _require_velocity("velocity", self.velocity, "within " + _bounds(), GREATEST_VELOCITY)

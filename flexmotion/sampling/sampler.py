@@ -30,7 +30,6 @@ from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.rhythm import SIZES, Rhythm
 from flexmotion.sampling.tangent import tangent_of
-from flexmotion.text.clause_amounts import spoken_speed
 from flexmotion.text.prompt_reader import Prompt
 
 __all__ = ["Condition", "Sampler"]
@@ -125,7 +124,7 @@ class Sampler:
         key = kind, size % SIZES
         if key not in self._rhythms:
             self._rhythms[key] = Rhythm.of(kind, self.body, self._rest, size)
-        return self._rhythms[key].paced(spoken_speed(condition.text or ""))
+        return self._rhythms[key].paced(condition.tempo)
 
     @property
     def name(self) -> str:

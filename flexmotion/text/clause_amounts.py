@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import difflib
 import math
-from functools import lru_cache
 from itertools import pairwise
 from math import pi
 
-from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token, tokens_of
+from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
 from flexmotion.text.paces import Speed
 from flexmotion.text.spelling import LEAST_LIKENESS
 from flexmotion.text.vocabulary import vocabulary
@@ -165,12 +164,6 @@ def degree_of(words: list[str]) -> str:
 def _ending(tokens: list[Token], phrases: tuple[str, ...]) -> str | None:
     """The phrase that some tokens end with; the longest one."""
     return next((phrase for phrase in phrases if tokens[-len(phrase.split()) :] == phrase.split()), None)
-
-
-@lru_cache(maxsize=64)
-def spoken_speed(sentence: str) -> float:
-    """The factor that the adverbs of a sentence put on the speed; 1 without any."""
-    return speed_of(tokens_of(sentence))[0]
 
 
 def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import log
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
@@ -58,8 +59,8 @@ from flexmotion.text.wording import stem
 BOTH_HANDS = re.compile(r"\bboth (?:your |of your |the )?(?:hands|arms)\b")
 """What a gesture of one hand does with one of them."""
 
-PACED = 0.1
-"""Least change of a gesture's speed that its adverb was done by."""
+PACED = 0.5
+"""Least share of the asked change of a rhythm's speed, by its logarithm, by which its adverb was done."""
 
 
 class Hearing:
@@ -129,7 +130,7 @@ class Hearing:
                 steps += self._steps(clause, several, steps, under_way, last)
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
-                    notes += (f"done at a human's {_intent_text(steps[-1].intent)}",)
+                    notes += (f"done {_speed_text(steps[-1].intent)}",)
             if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
                 notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
@@ -151,7 +152,7 @@ class Hearing:
             asks = clause.asks is Asks.MOTION and clause.text
             dropped += self.model.prompt(clause.text).dropped if asks else ()
         for clause, step in zip(wanted, steps, strict=False):
-            dropped += _ignored(clause, step)
+            dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause, step))))
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
         certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
         heard = Heard(
@@ -274,11 +275,13 @@ class Hearing:
         if not moved:
             which = "greatest" if clause.asks is Asks.FASTER else "smallest"
             kinds = ", ".join(dict.fromkeys(step.kind for step in under_way.steps))
-            walks = any(step.axis != (0, 0) or step.turn or step.kind == "velocity" for step in under_way.steps)
-            reason = f"{kinds} is at its {which} speed already" if walks else f"{kinds} has one speed"
+            paced = any(
+                step.axis != (0, 0) or step.turn or step.kind == "velocity" or step.rhythm for step in under_way.steps
+            )
+            reason = f"{kinds} is at its {which} speed already" if paced else f"{kinds} has one speed"
             heard = Heard(asked=sentence, state="refused", reason=f"{reason}; it goes on", certainty=1.0)
             return replace(under_way, heard=heard)
-        told = ", ".join(dict.fromkeys(_intent_text(step.intent) for step in moved))
+        told = ", ".join(dict.fromkeys(_speed_text(step.intent) for step in moved))
         heard = Heard(
             asked=sentence,
             state="partly" if clause.dropped else "accepted",
@@ -286,7 +289,7 @@ class Hearing:
             manner=_manners(steps),
             certainty=1.0,
             dropped=clause.dropped,
-            notes=(f"now at a human's {told}",),
+            notes=(f"now {told}",),
             steps=tuple(step.told for step in steps),
         )
         return Program(tuple(steps), heard, under_way.number)
@@ -448,7 +451,8 @@ class Hearing:
         if ahead or not isinstance(step.intent, Text | Velocity):
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         spot = step.turn != 0 and isinstance(step.intent, Velocity) and step.intent.forward == 0.0
-        asked = Clause(clause.said, with_side(step.told.text, clause.side), on_the_spot=spot)
+        tempo = step.intent.tempo if isinstance(step.intent, Text) else 1.0
+        asked = Clause(clause.said, with_side(step.told.text, clause.side), speed=tempo, on_the_spot=spot)
         mirrored = self._motion(asked, in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
@@ -514,9 +518,9 @@ class Hearing:
         intent: Intent = Text(clause.text)
         condition = Condition(clause.text, pace=self.pace)
         slowed = self.speeds.slowed(condition)
-        if self.model.rhythm(condition) is not None:
-            intent = Text(f"{clause.text} {clause.manner}".strip())
-        rhythm = self.model.rhythm(Condition(intent.text)) if isinstance(intent, Text) else None
+        rhythm = self.model.rhythm(replace(condition, tempo=clause.speed))
+        if rhythm is not None:
+            intent = Text(clause.text, rhythm.speed)
         manner = None if prompt.manner == NORMAL or rhythm is not None else prompt.manner
         told = HeardStep(
             text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
@@ -607,13 +611,18 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
         return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
     on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
-    paced = step.rhythm is not None and abs(step.rhythm.speed - 1.0) > PACED
-    manner = clause.manner if (gesture and not paced) or (on_the_spot and clause.speed > 1.0) else ""
+    one_speed = gesture and not _is_paced(step, clause.speed)
+    manner = clause.manner if one_speed or (on_the_spot and clause.speed > 1.0) else ""
     # A recipe has one manner, whatever the model's motions have.
     ways = [] if step.rhythm is None else [phrase.text for phrase in manner_phrases(clause.text) if phrase.manner]
     both = BOTH_HANDS.search(clause.text) if gesture and len(sides(step.kind)) == 1 else None
     told = (manner, clause.degree if gesture else "", *ways, both.group() if both else "")
     return tuple(said for said in told if said)
+
+
+def _is_paced(step: Step, speed: float) -> bool:
+    """Whether a rhythm goes about as fast as a factor on its speed asks."""
+    return step.rhythm is not None and speed != 1.0 and log(step.rhythm.speed) / log(speed) >= PACED
 
 
 def _qualifies(clause: Clause) -> bool:
@@ -642,6 +651,9 @@ def _rounded(prompt: Prompt) -> float:
     return round(float(prompt.share), 4)
 
 
-def _intent_text(intent: Intent) -> str:
+def _speed_text(intent: Intent) -> str:
+    """The speed of an intent, for an answer."""
+    if isinstance(intent, Text):
+        return f"at {intent.tempo:.2g} times its usual speed"
     assert isinstance(intent, Velocity)
-    return velocity_text((intent.forward, intent.left, intent.turning))
+    return "at a human's " + velocity_text((intent.forward, intent.left, intent.turning))

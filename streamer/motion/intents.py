@@ -45,9 +45,15 @@ class Clip:
 
 @dataclass(frozen=True)
 class Text:
-    """Do what the words say, in one line. Raises `ConfigError` without words, and where they are not one line."""
+    """Do what the words say, in one line. Raises `ConfigError` without words, and where they are not one line.
+
+    Attributes:
+        text: the words.
+        tempo: factor on the speed of repeated strokes that they mean; other motions have the speed of their words.
+    """
 
     text: str
+    tempo: float = 1.0
 
     def __post_init__(self) -> None:
         require_words("text", self.text, "words that say what to do")

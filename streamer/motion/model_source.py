@@ -457,8 +457,8 @@ class ModelSource:
     def condition(self, intent: Intent | None) -> Condition:
         """Condition of the model for an intent; standing still for None."""
         match intent:
-            case Text(text):
-                return Condition(text, pace=self.pace)
+            case Text(text, tempo):
+                return Condition(text, pace=self.pace, tempo=tempo)
             case Velocity(forward, left, turning, manner, paced):
                 return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace if paced else None)
         return Condition()

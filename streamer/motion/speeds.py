@@ -12,8 +12,11 @@ from flexmotion.sampling.request import is_still
 from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.intents import FASTEST, Text, Velocity
-from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.motion.programs import Step, limit_s
 from flexmotion.text.prompt_reader import Prompt
+
+LEAST_CHANGE = 0.03
+"""Least relative change of a speed that counts as one."""
 
 
 class Model(Protocol):
@@ -69,6 +72,8 @@ class Speeds:
 
         The speed that the robot shows is changed. It does not change where only the human would go faster.
         """
+        if step.rhythm is not None and isinstance(step.intent, Text):
+            return self._paced(step, step.rhythm.speed * factor)
         base = self._velocity(step)
         if base is None:
             return step
@@ -79,12 +84,24 @@ class Speeds:
         limited = Condition(velocity=scaled, pace=self.pace)
         velocity = self._shown(self.model.meant(limited).velocity or base)
         change = float(np.abs(velocity).max() / max(np.abs(base).max(), 1e-9))
-        if factor > 1.0 and change < 1.03:
+        if factor > 1.0 and change < 1.0 + LEAST_CHANGE:
             return step
         limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
         told = step.told.model_copy(update={"limit_s": limit})
         forward, left, turning = map(float, velocity)
         return replace(step, intent=Velocity(forward, left, turning, manner), limit_s=limit, told=told)
+
+    def _paced(self, step: Step, tempo: float) -> Step:
+        """A rhythm at another speed; the same step where it goes no further."""
+        assert step.rhythm is not None and isinstance(step.intent, Text)
+        rhythm = self.model.rhythm(Condition(step.intent.text, tempo=tempo))
+        if rhythm is None or abs(rhythm.speed / step.rhythm.speed - 1.0) < LEAST_CHANGE:
+            return step
+        changed = replace(step, intent=replace(step.intent, tempo=rhythm.speed), rhythm=rhythm)
+        if step.amount is None or step.amount.quantity != "times":
+            return changed
+        limit = limit_s(changed, step.amount)
+        return replace(changed, limit_s=limit, told=step.told.model_copy(update={"limit_s": limit}))
 
     def _manner(self, step: Step) -> str | None:
         """Manner of a step's motion; None for the normal one."""

@@ -27,7 +27,7 @@ def done_of(at: StepProgress, step: Step, elapsed_s: float) -> float:
         case "steps":
             return float(at.steps(step))
         case "times" if step.rhythm is not None:
-            return float(step.rhythm.times(elapsed_s))
+            return float(step.rhythm.times(at.played_s))
         case "times":
             return float(at.repetitions.done)
     return elapsed_s

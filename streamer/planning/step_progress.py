@@ -37,6 +37,8 @@ class StepProgress:
         footsteps: of the walk in its direction so far, those included whose foot is on its way.
         lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
         counts: whether each foot's present step is counted.
+        begin_s: time of the human's motion at the step's begin [s]; NaN: none was played.
+        played_s: how much of it was played since, which is less than the time where a plan is eased [s].
         acted_from: value at the begin of the attempt, in the amount's unit; of a gesture the number done.
         attempts: number of the present attempt.
         repetitions: gestures begun and done; looked_tick: when they were counted last, None: never.
@@ -54,6 +56,8 @@ class StepProgress:
     footsteps: int = 0
     lifted: list[Float | None] = field(default_factory=lambda: [None, None])
     counts: list[bool] = field(default_factory=lambda: [False, False])
+    begin_s: float = math.nan
+    played_s: float = 0.0
     acted_from: float = 0.0
     ahead: float = 0.0
     aside: float = 0.0
@@ -70,7 +74,8 @@ class StepProgress:
     def begun(cls, row: TickRow, place: Float, size: RobotSize) -> StepProgress:
         """The progress of a step that begins now."""
         tick = int(row.tick)
-        return cls(begin_tick=tick, act_tick=tick, size=size, place=place.copy(), joints=np.array(row.q, float))
+        joints, begins = np.array(row.q, float), float(row.source_s)
+        return cls(tick, place.copy(), joints, tick, size, begin_s=begins)
 
     def measure(self, step: Step, row: TickRow, place: Float, *, resting: bool) -> None:
         """Add what the robot did since the last row.
@@ -79,6 +84,9 @@ class StepProgress:
             place: where it stands if it stops now (`stopping_place`).
             resting: whether it comes to its stand.
         """
+        if math.isfinite(row.source_s):
+            self.begin_s = float(row.source_s) if math.isnan(self.begin_s) else self.begin_s
+            self.played_s = float(row.source_s) - self.begin_s
         dx, dy, turn = place - self.place
         yaw = 0.5 * (place[2] + self.place[2])
         self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy

@@ -78,6 +78,27 @@ def test_development_sentences_are_heard_as_meant(hearing: Hearing, row: dict[st
         assert found == pytest.approx(float(value), rel=1e-3), heard
 
 
+def test_what_a_step_asks_of_the_model_is_what_was_heard(hearing: Hearing) -> None:
+    """Words and adverb went to the model as one: "applaud fast" was told as claps, and ran."""
+    for say in ("applaud fast", "clap at half speed", "nod very slowly", "wave me over at full speed", "slowly bow"):
+        for step in hear(hearing, say).steps:
+            assert isinstance(step.intent, Text) and hearing.model.prompt(step.intent.text).kind == step.kind, say
+
+
+def test_nods_go_slower_and_faster_as_far_as_they_can(hearing: Hearing) -> None:
+    """They had "one speed", though "nod slowly" was slower."""
+    slower = hear(hearing, "slower", after="nod")
+    assert slower.heard.state == "accepted" and slower.heard.notes == ("now at 0.7 times its usual speed",)
+    (step,) = slower.steps
+    assert isinstance(step.intent, Text) and step.rhythm is not None
+    assert step.intent.tempo == pytest.approx(0.7) == step.rhythm.speed
+    faster = hear(hearing, "faster", after="nod")
+    again = hearing(Text("faster"), faster, faster)
+    assert again.heard.state == "refused" and "nod is at its greatest speed already" in str(again.heard.reason)
+    other = hear(hearing, "with the other hand", after="beckon slowly")
+    assert isinstance(other.steps[0].intent, Text) and other.steps[0].intent.tempo == pytest.approx(0.6)
+
+
 def test_an_answer_says_how_surely_and_what_is_done_when_and_how_long(hearing: Hearing) -> None:
     heard = hear(hearing, "turn 90 degrees to the right then wave twice").heard
     turn, wave = heard.steps

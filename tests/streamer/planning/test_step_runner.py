@@ -109,13 +109,14 @@ class Robot:
         self.doing: Any = None
         self.tick = -1
         self.foreseen = 0
+        self.pace = 1.0  # of the human's motion
         self.ahead_of_it = np.zeros(3)
 
     def run(self, seconds: float, **speeds: float) -> None:
         """Rows for so long; `turn`, `ahead` [1/s] act while the runner asks for neither standing nor rest."""
         for _ in range(round(seconds * RATE)):
             self.tick += 1
-            self.row.tick[...], self.row.source_s[...] = self.tick, self.tick / RATE
+            self.row.tick[...], self.row.source_s[...] = self.tick, self.pace * self.tick / RATE
             moving = self.doing != STANDING and not self.runner.resting
             self.row.odometry[2] += speeds.get("turn", 0.0) / RATE * moving
             self.row.odometry[0] += speeds.get("ahead", 0.0) / RATE * moving
@@ -270,6 +271,17 @@ def test_strokes_are_counted_by_the_rhythm_of_the_human_and_not_as_ways_from_the
     robot.run(0.2)
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 3.0
     assert robot.asked == [STANDING], "raised hands come down after it"
+
+
+def test_strokes_of_a_plan_that_is_eased_are_counted_as_they_are_played() -> None:
+    """They were counted by the clock: of claps at two fifths of their pace "5 of 5" were told, and two were made."""
+    rhythm = Rhythm.of("clap", Body(), np.zeros(len(HUMAN_JOINTS)))
+    robot = Robot((0, program(replace(step("clap", 4.0, "times"), rhythm=rhythm))))
+    robot.pace = 0.5
+    robot.run(rhythm.seconds(4) + 0.2)
+    assert not robot.heard
+    robot.run(rhythm.seconds(4))
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 4.0
 
 
 def test_strokes_that_are_cut_off_say_how_many_were_made() -> None:
