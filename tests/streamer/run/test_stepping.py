@@ -103,6 +103,18 @@ def test_a_source_that_knows_no_stand_comes_to_one_all_the_same(source: Callable
     assert not session.record.violations_sent
 
 
+@pytest.mark.parametrize("source", [lambda: ClipSource(STEPS), library])
+def test_a_stop_beside_another_request_is_not_refused_with_it(source: Callable[[], Source]) -> None:
+    """Went wrong: runs that play a clip refused "stop and wave", one of a single clip by an error: they walked on."""
+    with open_session("op3", source=source(), stay=True) as session:
+        session.advance(2.5)
+        session.send(Text("stop and wave"))
+        session.advance(2.5)
+        (heard,) = session.heard
+        assert (heard.state, heard.heard_as, heard.dropped) == ("partly", "stand", ("wave",))
+        assert session.state.ladder is State.HOLD
+
+
 def test_a_run_of_one_clip_is_over_once_the_robot_was_told_to_stand() -> None:
     """Its clip does not go on, so nothing could end it before its time limit, which is a fault."""
     with open_session("op3", source=ClipSource(STEPS), stay=False) as session:
