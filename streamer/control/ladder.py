@@ -117,7 +117,9 @@ class Ladder:
     Attributes:
         state: the present state.
         fault: latched cause, kept until `clear`; None while there is none.
-        stopped: a stop is in force, in whatever state it was requested: no start, and no plan but one that stops.
+        stopped: a stop is in force, in whatever state it was requested: no plan but one that stops, and in OFF no
+            start. `clear` releases it in OFF, `start` where the robot stands; getting up begins all the same, and
+            releases it.
     """
 
     def __init__(self, limits: SafetyLimits, rate_hz: float, *, freeze_s: float = 0.5, damp_s: float = 1.0) -> None:

@@ -83,7 +83,7 @@ class SourceTurns:
         source, self._undo = self.planner.source, []
         goes_on = [GOES_ON] if isinstance(source, MirrorSource) else []
         goes_on += [] if isinstance(source, LiveSource) else [f"{source.name} is over"]
-        self.ledger.turned(target, heard_as_rest(target.intent, *goes_on))
+        self.ledger.turned(target, heard_as_rest(target.intent, *goes_on), rests=tuple(goes_on))
         self.ledger.halted = "stopped"
 
     def _travels(self, frame: int) -> bool:

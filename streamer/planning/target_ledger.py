@@ -15,6 +15,7 @@ from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity, words_of
 from flexmotion.streamer.motion.part_intents import PartIntent
 from flexmotion.streamer.motion.part_words import part_of_words
+from flexmotion.streamer.motion.rest import asks_for_rest, heard_as_rest
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = {
@@ -89,6 +90,8 @@ class _Entry:
     born_s: float
     heard: Heard | None = None
     """How the source understands it; None: as it is."""
+    rests: tuple[str, ...] | None = None
+    """How the run goes on after the stand by which it is followed; None: the source itself follows it."""
 
     def age_s(self, now_s: float) -> float:
         return now_s - self.born_s
@@ -150,15 +153,19 @@ class TargetLedger:
     @property
     def has_target(self) -> bool:
         """Whether a target has arrived, or is open, which the source may turn to now."""
-        return self._inbox.has_new or (self._open is not None and self._may_change(self._open.target))
+        return self._inbox.has_new or (self._open is not None and self._may_turn_to(self._open))
 
     @property
     def wanted(self) -> Target:
         """The target that plans should follow; `NO_TARGET` if there is none."""
         entry = self._planned or (None if self.halted else self._followed)
-        if self._open is not None and self._may_change(self._open.target):
+        if self._open is not None and self._may_turn_to(self._open):
             entry = self._open
         return NO_TARGET if entry is None else entry.target
+
+    def _may_turn_to(self, entry: _Entry) -> bool:
+        """Whether the source may turn to an open target now; a stand sent again waits for the plan of the first."""
+        return self._may_change(entry.target) and not _rests_again(self._planned, entry.target)
 
     def _may_change(self, target: Target) -> bool:
         """Whether the source may turn to a target now.
@@ -216,7 +223,14 @@ class TargetLedger:
             self._publish(opened, "expired", _late(opened.target))
             self._open = opened = None
         self._tell_cut()
-        if followed is None or self.halted or self._planned is not None:
+        if followed is None or self._planned is not None:
+            return
+        if self.halted and opened is not None and bool(row.plan) and _rests_again(followed, opened.target):
+            # A plan for each would put the stand off, for as long as a stick at rest is sent.
+            heard = heard_as_rest(opened.target.intent, *(followed.rests or ()))
+            self._publish(replace(opened, heard=heard), None, "goes on as before", self._tick)
+            self._sent_again, self._open = opened.target.id, None
+        if self.halted:
             return
         again = opened is not None and isinstance(opened.target.intent, Velocity)
         if opened is not None and again and opened.target.intent == followed.target.intent:
@@ -260,13 +274,16 @@ class TargetLedger:
             self.answer = self.answer.model_copy(update={"state": "refused", "reason": reason})
             self.publish(self.answer)
 
-    def turned(self, target: Target, heard: Heard | None, *, goes_on: bool = False) -> None:
+    def turned(
+        self, target: Target, heard: Heard | None, *, goes_on: bool = False, rests: tuple[str, ...] | None = None
+    ) -> None:
         """The source follows a target from now on.
 
         Args:
             target: which.
             heard: how the source understands it; None: as it is.
             goes_on: whether it changes the speed of what is under way, which ends no later than it would have.
+            rests: how the run goes on after a stand that the source does not know; None: the source follows it.
         """
         under_way = self._planned or self._followed
         if goes_on and under_way is not None:
@@ -284,7 +301,7 @@ class TargetLedger:
             # Answered once it is certain that this turn stays.
             self._displaced, self._planned = self._planned, None
         if self._open is not None and self._open.target.id == target.id:
-            self._planned, self._open = replace(self._open, heard=heard), None
+            self._planned, self._open = replace(self._open, heard=heard, rests=rests), None
 
     def amend(self, target: int, change: Callable[[Heard], Heard]) -> bool:
         """Change the answer to a target, for what its plan has shown: before it is given, or by a later version.
@@ -312,6 +329,8 @@ class TargetLedger:
         """
         planned, opened = self._planned, self._open
         if not self._gives_way or planned is None or planned.target.id != target.id or opened is None:
+            return False
+        if _rests_again(planned, opened.target):
             return False
         # A velocity that is sent again only holds longer, and a stand that is asked for again is under way. Words ask
         # for the motion anew: the second of two at once waited for `change_s`, and then cut short what had just begun.
@@ -380,6 +399,11 @@ class TargetLedger:
         heard = heard.model_copy(update=known)
         self.publish(heard)
         return heard
+
+
+def _rests_again(entry: _Entry | None, target: Target) -> bool:
+    """Whether a target asks for the stand by which an earlier one is followed already."""
+    return entry is not None and entry.rests is not None and asks_for_rest(target.intent)
 
 
 def _late(target: Target) -> str:

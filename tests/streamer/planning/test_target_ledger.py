@@ -429,3 +429,23 @@ def test_a_change_of_speed_of_what_has_no_end_has_none(bench: Bench) -> None:
     bench.taken = 2
     bench.look(100_000)
     assert bench.told[-1].left_s is None and not bench.ledger.halted
+
+
+@pytest.mark.parametrize("rest", [Stop(), Velocity(0.0, 0.0, 0.0), Text("stop")])
+def test_a_stand_that_is_asked_for_again_waits_for_the_plan_of_the_first(bench: Bench, rest: Intent) -> None:
+    """Went wrong: where the source knows no stand, each that was sent made a new stop plan, and put it off."""
+    first = bench.mailbox.send(rest)
+    bench.look(10)
+    bench.ledger.turned(first, None, rests=("send mirror",))
+    bench.ledger.halted = "stopped"
+    again = bench.mailbox.send(rest)
+    bench.look(11, plan=1)
+    assert bench.ledger.wanted == first and not bench.ledger.has_target and not bench.ledger.replaces(first)
+    bench.taken = first.id
+    bench.look(12, plan=1)
+    assert bench.states == [(first.id, "accepted"), (again.id, "accepted")]
+    assert (bench.told[1].reason, bench.told[1].notes) == ("goes on as before", ("send mirror",))
+    assert bench.ledger.wanted == NO_TARGET
+    walk = bench.mailbox.send(WALK)
+    bench.look(13, plan=1)
+    assert bench.ledger.wanted == walk

@@ -15,7 +15,7 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.api import open_session
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.clip_library import ClipLibrary
-from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
+from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource, Source
 from flexmotion.streamer.outcome import outcome
@@ -101,6 +101,40 @@ def test_a_source_that_knows_no_stand_comes_to_one_all_the_same(source: Callable
             session.advance(0.5)
             assert session.state.ladder is State.STREAMING
     assert not session.record.violations_sent
+
+
+@pytest.mark.parametrize("source", [lambda: ClipSource(STEPS), library])
+def test_a_stop_beside_another_request_is_not_refused_with_it(source: Callable[[], Source]) -> None:
+    """Went wrong: runs that play a clip refused "stop and wave", one of a single clip by an error: they walked on."""
+    with open_session("op3", source=source(), stay=True) as session:
+        session.advance(2.5)
+        session.send(Text("stop and wave"))
+        session.advance(2.5)
+        (heard,) = session.heard
+        assert (heard.state, heard.heard_as, heard.dropped) == ("partly", "stand", ("wave",))
+        assert session.state.ladder is State.HOLD
+
+
+@pytest.mark.parametrize("rest", [Stop(), Velocity(0.0, 0.0, 0.0), Text("stop")])
+@pytest.mark.parametrize("source", [lambda: ClipSource(STEPS), library])
+def test_a_stand_that_is_asked_for_again_is_not_put_off(source: Callable[[], Source], rest: Intent) -> None:
+    """Went wrong: each velocity of zero of a stick at rest made a new stop plan, and the robot never came to HOLD."""
+    with open_session("op3", source=source(), stay=True) as session:
+        session.advance(2.5)
+        for _ in range(26):
+            session.send(rest)
+            session.advance(0.1)
+        assert session.state.ladder is State.HOLD
+        again = [heard for heard in session.heard if heard.reason == "goes on as before"]
+        assert len(session.heard) >= 25 and len(again) >= len(session.heard) - 2
+        assert {(heard.state, heard.heard_as) for heard in session.heard} == {("accepted", "stand")}
+        if isinstance(session.source, ClipLibrary):
+            session.send(Clip("wave"))
+            session.advance(0.5)
+            assert session.state.ladder is State.STREAMING
+            session.send(rest)
+            session.advance(2.5)
+            assert session.state.ladder is State.HOLD and session.heard[-1].reason is None
 
 
 def test_a_run_of_one_clip_is_over_once_the_robot_was_told_to_stand() -> None:
