@@ -6,7 +6,7 @@ import re
 from functools import lru_cache
 
 from flexmotion.text.amounts import Token
-from flexmotion.text.phrases import STAND
+from flexmotion.text.phrases import STAND, kinds, verbs, wordings
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
@@ -121,3 +121,13 @@ def _other_complement(words: list[str]) -> str | None:
     fits = first in known.words("ways_on") | known.words("directions") | known.words("hedges")
     fits = fits or stem(first) in known.verbs or bool(sides(first)) or first.startswith(STAND_IN)
     return None if fits else text
+
+
+@lru_cache
+def gesture_verbs() -> frozenset[str]:
+    """Verbs that open wordings of gestures alone, and none of a walk, a turn or a stand: "clap", "nod"."""
+    known = vocabulary()
+    others = {STAND, *known.table["walks"], *known.table["turns"]}
+    feet = {wording.split()[0].lower() for kind in others for wording in wordings(kind)}
+    gestures = {verb.split()[0].lower() for kind in kinds() if kind not in others for verb in verbs(kind)}
+    return frozenset(gestures - feet) - known.words("light_verbs")
