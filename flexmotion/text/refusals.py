@@ -124,7 +124,7 @@ def _unknown_target(words: list[str], text: str) -> str | None:
     """The thing that a request looks at and whose direction no word tells; None where there is none."""
     known = vocabulary()
     look = next((place for place, word in enumerate(words) if word in known.words("look")), None)
-    if look is None or not set(words[:look]) <= known.words("look_openings") or sides(text):
+    if look is None or words[look] == "nod" or not set(words[:look]) <= known.words("look_openings") or sides(text):
         return None
     if any(f" {phrase} " in text for phrase in known.phrases("gaze_words")):
         return None
