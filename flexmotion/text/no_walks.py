@@ -135,11 +135,34 @@ def _other_complement(words: list[str], how: bool) -> str | None:
     return None if fits else text
 
 
+def is_gesture(words: list[str]) -> bool:
+    """Whether the first word that tells what to move with is a gesture's: "do a clap backwards", "go wave back"."""
+    rest = words[1:] if words[0] in ("go", "come") and stem("".join(words[1:2])) in gesture_verbs() else words
+    feet = feet_verbs() | {"come", "steps"}
+    gestures = gesture_verbs() | vocabulary().words("gesture_nouns")
+    told = next((word for word in map(stem, rest) if word in feet | gestures), "")
+    behind = re.search(r"\bbehind (?:your|the|its) back\b", " ".join(rest)) is not None
+    return told in gestures or (behind and not told)
+
+
+@lru_cache
+def feet_verbs() -> frozenset[str]:
+    """Verbs of walks and of turns."""
+    known = vocabulary()
+    feet = {verb.split()[0].lower() for kind in _of_feet() for verb in verbs(kind)}
+    others = known.words("light_verbs") | {"take", "make", "back"}  # "behind your back"
+    return frozenset(feet | known.words("paths") | known.words("turn_verbs")) - others
+
+
 @lru_cache
 def gesture_verbs() -> frozenset[str]:
     """Verbs that open wordings of gestures alone, and none of a walk, a turn or a stand: "clap", "nod"."""
-    known = vocabulary()
-    others = {STAND, *known.table["walks"], *known.table["turns"]}
-    feet = {wording.split()[0].lower() for kind in others for wording in wordings(kind)}
+    others = {STAND, *_of_feet()}
+    taken = {wording.split()[0].lower() for kind in others for wording in wordings(kind)}
     gestures = {verb.split()[0].lower() for kind in kinds() if kind not in others for verb in verbs(kind)}
-    return frozenset(gestures - feet) - known.words("light_verbs")
+    return frozenset(gestures - taken) - vocabulary().words("light_verbs")
+
+
+def _of_feet() -> tuple[str, ...]:
+    """Kinds of walks and of turns."""
+    return (*vocabulary().table["walks"], *vocabulary().table["turns"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from flexmotion.text.amounts import tokens_of
-from flexmotion.text.no_walks import gesture_verbs, no_walk
+from flexmotion.text.no_walks import is_gesture, no_walk
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.sayings import NOTHING
@@ -244,12 +244,11 @@ def is_no_stand(text: str) -> bool:
 def is_no_walk(text: str) -> bool:
     """Whether a request is none to walk or to turn, although a listener may hear that: "lean left", "clap back"."""
     words = [word for word in text.lower().split() if word.isalpha()]
-    if not words or taught().get(plain(tokens_of(text))) is not None:
+    if not words or taught().get(plain(tokens_of(text)), NOTHING) != NOTHING:
         return False
-    if words[0] in ("go", "come") and len(words) > 1:
-        words = words[1:]  # "go wave back"
-    verb = next((stem(word) for word in words if stem(word) in vocabulary().verbs), "")
-    return stem(words[0]) in vocabulary().words("unlike_walking") or verb in gesture_verbs()
+    if stem(words[0]) in vocabulary().words("unlike_walking"):
+        return True
+    return is_gesture(words)
 
 
 def is_unlike(text: str, kind: str) -> bool:
