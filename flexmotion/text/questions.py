@@ -57,9 +57,15 @@ def is_report(sentence: str) -> bool:
 
 
 _BEHIND_REPORT = re.compile(
-    r"[^,.;:!]+[,.;:!]+\s*(?P<rest>(?:(?:now|so|please|ok|okay|then please|just)[\s,]+)*(?P<verb>\w+)\b.*)",
+    r"[^,.;:!]+[,.;!]+\s*(?P<rest>(?:(?:now|so|please|ok|okay|then please|just)[\s,]+)*(?P<verb>\w+)\b.*)",
     re.IGNORECASE | re.DOTALL,
 )
+
+
+_SAID = frozenset(
+    ["shout", "say", "said", "tell", "told", "ask", "asked", "call", "yelled", "repeat", "speak", "answer", "reply"]
+)
+"""Verbs behind which words are someone else's: "he shouted, walk forward"."""
 
 
 def without_report(sentence: str) -> str:
@@ -68,7 +74,8 @@ def without_report(sentence: str) -> str:
     Behind a mark a verb that is no past asks for something: "he sat down, put on his hat" is a report.
     """
     found = _BEHIND_REPORT.fullmatch(sentence.strip())
-    if found is None or not is_report(sentence[: sentence.index(found["rest"])].rstrip(" ,.;:!")):
+    told = "" if found is None else sentence[: sentence.index(found["rest"])].rstrip(" ,.;!")
+    if found is None or not is_report(told) or _SAID & {stem(word) for word in told.lower().split()}:
         return sentence
     known, verb = vocabulary(), found["verb"].lower()
     return found["rest"] if verb in known.verbs and verb not in known.words("past") else sentence
