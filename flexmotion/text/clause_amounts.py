@@ -1,4 +1,4 @@
-"""`amounts_of`, `little_of`, `speed_of`: how much, how often and how fast a request says."""
+"""`amounts_of`, `further_times`, `little_of`, `speed_of`: how much, how often and how fast a request says."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from itertools import pairwise
 from math import pi
 
 from flexmotion.text.amounts import LEAST_BARE, MINUS, Amount, Bare, Token
+from flexmotion.text.numbers import number_at
 from flexmotion.text.paces import Speed
 from flexmotion.text.spelling import LEAST_LIKENESS
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, taught, taught_words
+from flexmotion.text.wording import begins, plain, taught, taught_words
 
 
 def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token], list[str]]:
@@ -31,6 +32,11 @@ def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Toke
         if not isinstance(token, Amount):
             rest.append(token)
             continue
+        if token.quantity == "time" and counted and (spent := _spent(rest)):
+            # "Ten times in five seconds": the count is meant; only "ten times for five seconds" has both.
+            extra.append(" ".join([*spent, token.said]))
+            del rest[-len(spent) :]
+            continue
         extra += [word for word in token.said.split() if word in known.words("sizes") - known.words("plain_sizes")]
         while (
             rest
@@ -48,6 +54,27 @@ def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Toke
         else:
             extra.append(token.said)
     return amount, times, counted, rest, extra
+
+
+def further_times(tokens: list[Token]) -> int | None:
+    """How many more of what was done before words ask for that count nothing by name ("two more"); None: no such."""
+    words = plain(tokens).split()
+    another = words[:1] == ["another"]
+    number = number_at(words, int(another)) if len(words) > another else None
+    if number is None or number.article or number.rough or any(isinstance(token, Amount) for token in tokens):
+        return None
+    ends = words[another + number.used :] == ([] if another else ["more"])
+    return int(number.value) if ends and number.value >= 2 and number.value == int(number.value) else None
+
+
+def _spent(rest: list[Token]) -> list[str]:
+    """The last words, where a time behind them is that of all repeats or of a pause: "in", "with a pause of"."""
+    if rest[-1:] and rest[-1] in ("in", "within", "over", "during", "inside"):
+        return [str(rest[-1])]
+    pauses = vocabulary().words("pauses")
+    place = next((at for at, token in enumerate(rest) if token in ("with", "and") and pauses & {*rest[at:]}), None)
+    words = [] if place is None else [token for token in rest[place:] if isinstance(token, str)]
+    return words if place is not None and len(words) == len(rest) - place else []
 
 
 def signed(tokens: list[Token]) -> str | None:
@@ -177,10 +204,11 @@ def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     if not any(word in speeds for word in words) or " ".join(words) in taught() or words[:1] == ["run"]:
         return factor, " ".join(manner), tokens
     rest: list[Token] = []
+    amplifiers = (*known.phrases("speed_degrees"), *known.phrases("amplifiers"))
     for token in tokens:
         if isinstance(token, str) and token in speeds:
             share, manner = speeds[token], [*manner, token]
-            while amplifier := _ending(rest, known.phrases("amplifiers")):
+            while amplifier := _ending(rest, amplifiers):
                 del rest[-len(amplifier.split()) :]
                 manner[-1] = f"{amplifier} {manner[-1]}"
                 strong, weak = amplifier in known.words("strong"), amplifier in known.words("weak")

@@ -12,6 +12,7 @@ from flexmotion.text.clause_amounts import (
     amounts_of,
     counts_nothing,
     degree_of,
+    further_times,
     is_count,
     little_of,
     signed,
@@ -74,6 +75,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if condition is not None and not plain_stop:
         dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])
+    if (times := further_times(tokens)) is not None:
+        return Clause(said, "", Asks.AGAIN, None, times, True, dropped=tuple(dropped), more=True)
     if (again := _repeats(tokens)) is not None:
         return Clause(said, sentence, refusal=f"{again!r}: nothing is repeated by the clock; say how often")
     if (sign := signed(tokens)) is not None:
@@ -130,7 +133,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         times, counted = 1, False
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
-    places = destinations(words)
+    moves_head = head and plain(tokens) in taught()  # "move your head up and down"
+    places = [] if moves_head else destinations(words)
     if _comes(own) and own[0] in known.words("turn_verbs"):
         told = amount is not None or (sides(" ".join(own)) and "side" not in own)
         notes.append(f"{UNSEEN}: it turns {'to the side that is said' if amount is None else amount}")

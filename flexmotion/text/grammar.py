@@ -21,7 +21,7 @@ from flexmotion.text.no_walks import STAND_STILL, stand_note
 from flexmotion.text.paces import Rate
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import WITHOUT_TURNING
-from flexmotion.text.questions import QUESTION, REPORT, is_question, is_report
+from flexmotion.text.questions import QUESTION, REPORT, is_question, is_report, without_report
 from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.vocabulary import vocabulary
@@ -37,6 +37,7 @@ def parse(sentence: str) -> tuple[Clause, ...]:
         return (Clause(sentence, sentence if stands else STAND_STILL, notes=() if note is None else (note,)),)
     if is_question(sentence) and plain(tokens_of(sentence)) not in taught():
         return (Clause(sentence, sentence, refusal=QUESTION),)
+    sentence = without_report(sentence)
     if is_report(sentence) and plain(tokens_of(sentence)) not in taught():
         return (Clause(sentence, sentence, refusal=REPORT),)
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
@@ -64,7 +65,8 @@ def _with_phrases(clause: Clause, phrases: Sequence[MannerPhrase]) -> Clause:
         return text
 
     dropped = tuple(told(part) for part in clause.dropped)
-    return replace(clause, said=told(clause.said), text=told(clause.text), dropped=dropped)
+    refusal = None if clause.refusal is None else told(clause.refusal)
+    return replace(clause, said=told(clause.said), text=told(clause.text), refusal=refusal, dropped=dropped)
 
 
 def _with_manner(clause: Clause) -> Clause:
@@ -114,7 +116,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
     if not clauses:
         return (Clause(sentence, sentence),)
     if len(clauses) > 1 and (count := _count_behind(tokens)) is not None and kind is None:
-        clauses[-1] = replace(clauses[-1], refusal=f"{count!r}: all of it or the last? say it in front of each")
+        clauses[-1] = _counted_last(clauses[-1], count)
     clauses[0] = replace(clauses[0], notes=(*names, *clauses[0].notes))
     if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]) and not clauses[0].dropped:
         # The listener gets the sentence as it was given.
@@ -127,6 +129,15 @@ def _count_behind(tokens: list[Token]) -> str | None:
     *rest, last = stripped(tokens) or [""]
     alone = isinstance(last, Amount) and last.quantity == "times" and rest[-1:] == [","]
     return plain([last]) if alone else None
+
+
+def _counted_last(last: Clause, count: str) -> Clause:
+    """The last request with the count behind it, where that may be its own: "bow, then clap, three times"."""
+    feet = vocabulary().words("walk_verbs") | vocabulary().words("turn_verbs")
+    # Walks and turns are counted together: "walk a metre, then turn left, four times" is a square.
+    if last.joint == "then" and last.amount is None and not feet & set(last.text.split()):
+        return replace(last, notes=(*last.notes, f"{count!r} is taken as of {last.text!r} alone"))
+    return replace(last, refusal=f"{count!r}: all of it or the last? say it in front of each")
 
 
 def _with_adverbs(parts: list[Part]) -> list[Part]:

@@ -6,11 +6,12 @@ import re
 from functools import lru_cache
 
 from flexmotion.text.amounts import Token
-from flexmotion.text.phrases import STAND
+from flexmotion.text.manner_phrases import manner_phrases
+from flexmotion.text.phrases import STAND, kinds, verbs, wordings
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import STAND_IN, plain, stem, stripped, taught
+from flexmotion.text.wording import STAND_IN, begins, plain, stem, stripped, taught
 
 STAND_STILL = "stand still"
 """Words of a stand, as every listener knows them."""
@@ -67,7 +68,7 @@ def unknown_way(words: list[str]) -> str | None:
     """
     if words[:1] == [] or words[0] not in ("go", "run", "walk") or " ".join(words) in taught():
         return None
-    other = _other_complement(words[1:])
+    other = _other_complement(words[1:], how=words[0] != "go")
     tries = f"say for example '{words[0]} forward'"
     return None if other is None else f"{other!r} is no way to walk or to run that is known; {tries}"
 
@@ -86,6 +87,8 @@ def _at_someone(words: list[str]) -> str | None:
     known = vocabulary()
     if words[0] not in known.words("paths") | {"come", "move", "get"} or known.words("limbs") & set(words):
         return None  # "move your hand as if waving at someone"
+    if words[0] in ("go", "come") and words[1:] and stem(words[1]) in gesture_verbs():
+        return None  # "go wave at them"
     found = _AT_SOMEONE.search(" ".join(words[1:]))
     return None if found is None else found[0]
 
@@ -104,10 +107,18 @@ def _asks_less(words: list[str]) -> bool:
     return False
 
 
-def _other_complement(words: list[str]) -> str | None:
-    """What follows a verb of walking and says neither how nor where to ("limp", "a test"); None: nothing such."""
+def _other_complement(words: list[str], how: bool) -> str | None:
+    """What follows a verb of walking and says neither how nor where to ("limp", "a test"); None: nothing such.
+
+    Args:
+        how: whether an adjective may say a manner: "walk sad", but no "go limp".
+    """
     known = vocabulary()
     rest = list(words)
+    degree = begins([*rest], 0, known.phrases("speed_degrees"))
+    after = [] if degree is None else rest[len(degree.split()) :]
+    if after and (after[0] in known.table["speeds"] or after[0].endswith("ly")):
+        rest = after  # "dead slow", but no "walk dead"
     while rest and (rest[0].endswith("ly") or rest[0] in _ADVERBS or rest[0] in known.table["speeds"]):
         rest = rest[1:]
     if not rest:
@@ -119,5 +130,39 @@ def _other_complement(words: list[str]) -> str | None:
         nouns = known.words("ways_nouns") | known.words("directions") | known.words("room_things")
         return None if nouns & set(rest) else text
     fits = first in known.words("ways_on") | known.words("directions") | known.words("hedges")
+    fits = fits or (how and (first in known.words("ways_how") or any(one.manner for one in manner_phrases(first))))
     fits = fits or stem(first) in known.verbs or bool(sides(first)) or first.startswith(STAND_IN)
     return None if fits else text
+
+
+def is_gesture(words: list[str]) -> bool:
+    """Whether the first word that tells what to move with is a gesture's: "do a clap backwards", "go wave back"."""
+    rest = words[1:] if words[0] in ("go", "come") and stem("".join(words[1:2])) in gesture_verbs() else words
+    feet = feet_verbs() | {"come", "steps"}
+    gestures = gesture_verbs() | vocabulary().words("gesture_nouns")
+    told = next((word for word in map(stem, rest) if word in feet | gestures), "")
+    behind = re.search(r"\bbehind (?:your|the|its) back\b", " ".join(rest)) is not None
+    return told in gestures or (behind and not told)
+
+
+@lru_cache
+def feet_verbs() -> frozenset[str]:
+    """Verbs of walks and of turns."""
+    known = vocabulary()
+    feet = {verb.split()[0].lower() for kind in _of_feet() for verb in verbs(kind)}
+    others = known.words("light_verbs") | {"take", "make", "back"}  # "behind your back"
+    return frozenset(feet | known.words("paths") | known.words("turn_verbs")) - others
+
+
+@lru_cache
+def gesture_verbs() -> frozenset[str]:
+    """Verbs that open wordings of gestures alone, and none of a walk, a turn or a stand: "clap", "nod"."""
+    others = {STAND, *_of_feet()}
+    taken = {wording.split()[0].lower() for kind in others for wording in wordings(kind)}
+    gestures = {verb.split()[0].lower() for kind in kinds() if kind not in others for verb in verbs(kind)}
+    return frozenset(gestures - taken) - vocabulary().words("light_verbs")
+
+
+def _of_feet() -> tuple[str, ...]:
+    """Kinds of walks and of turns."""
+    return (*vocabulary().table["walks"], *vocabulary().table["turns"])

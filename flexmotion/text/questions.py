@@ -1,4 +1,4 @@
-"""`is_question`, `is_report`: sentences that ask for no motion: "why did you turn left?", "he waved at me"."""
+"""`is_question`, `is_report`, `without_report`: what asks for no motion: "why did you turn left?", "he waved at me"."""
 
 from __future__ import annotations
 
@@ -54,3 +54,28 @@ def is_report(sentence: str) -> bool:
     verb = found["verb"].lower()
     past = verb in vocabulary().words("past") or (verb.endswith("ed") and stem(verb) != verb)
     return past and stem(verb) in vocabulary().verbs | set(vocabulary().table["past"])
+
+
+_BEHIND_REPORT = re.compile(
+    r"[^,.;:!]+[,.;!]+\s*(?P<rest>(?:(?:now|so|please|ok|okay|then please|just)[\s,]+)*(?P<verb>\w+)\b.*)",
+    re.IGNORECASE | re.DOTALL,
+)
+
+
+_SAID = frozenset(
+    ["shout", "say", "said", "tell", "told", "ask", "asked", "call", "yelled", "repeat", "speak", "answer", "reply"]
+)
+"""Verbs behind which words are someone else's: "he shouted, walk forward"."""
+
+
+def without_report(sentence: str) -> str:
+    """The sentence without a report in front of what it asks for: "you did well, now bow"; others as they are.
+
+    Behind a mark a verb that is no past asks for something: "he sat down, put on his hat" is a report.
+    """
+    found = _BEHIND_REPORT.fullmatch(sentence.strip())
+    told = "" if found is None else sentence[: sentence.index(found["rest"])].rstrip(" ,.;!")
+    if found is None or not is_report(told) or _SAID & {stem(word) for word in told.lower().split()}:
+        return sentence
+    known, verb = vocabulary(), found["verb"].lower()
+    return found["rest"] if verb in known.verbs and verb not in known.words("past") else sentence

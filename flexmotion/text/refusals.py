@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from flexmotion.text.amounts import tokens_of
-from flexmotion.text.no_walks import no_walk
+from flexmotion.text.no_walks import is_gesture, no_walk
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.sayings import NOTHING
@@ -124,7 +124,7 @@ def _unknown_target(words: list[str], text: str) -> str | None:
     """The thing that a request looks at and whose direction no word tells; None where there is none."""
     known = vocabulary()
     look = next((place for place, word in enumerate(words) if word in known.words("look")), None)
-    if look is None or not set(words[:look]) <= known.words("look_openings") or sides(text):
+    if look is None or words[look] == "nod" or not set(words[:look]) <= known.words("look_openings") or sides(text):
         return None
     if any(f" {phrase} " in text for phrase in known.phrases("gaze_words")):
         return None
@@ -242,13 +242,13 @@ def is_no_stand(text: str) -> bool:
 
 
 def is_no_walk(text: str) -> bool:
-    """Whether a request is none to walk or to turn, although a listener may hear that: "lean to the left"."""
+    """Whether a request is none to walk or to turn, although a listener may hear that: "lean left", "clap back"."""
     words = [word for word in text.lower().split() if word.isalpha()]
-    return (
-        words != []
-        and taught().get(plain(tokens_of(text))) is None
-        and stem(words[0]) in vocabulary().words("unlike_walking")
-    )
+    if not words or taught().get(plain(tokens_of(text)), NOTHING) != NOTHING:
+        return False
+    if stem(words[0]) in vocabulary().words("unlike_walking"):
+        return True
+    return is_gesture(words)
 
 
 def is_unlike(text: str, kind: str) -> bool:

@@ -28,7 +28,8 @@ from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, S
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
-from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.clause import NO_KNOWN_WORD, UNITS, Asks, Clause
+from flexmotion.text.clauses import UNSEEN
 from flexmotion.text.ellipsis import BACK, FORWARD, other_limb, with_limb, with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
@@ -153,6 +154,8 @@ class Hearing:
             dropped += self.model.prompt(clause.text).dropped if asks else ()
         for clause, step in zip(wanted, steps, strict=False):
             dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause, step))))
+        if not any(step.turn or step.axis != (0, 0) for step in steps):
+            notes = tuple(note for note in notes if not note.startswith(UNSEEN))  # "come here and shake my hand"
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
         certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
         heard = Heard(
@@ -358,10 +361,7 @@ class Hearing:
                 if len(repeated) != 1 or clause.amount.quantity not in ("time", *fits(repeated[0])):
                     raise RefusedError(f"{clause.said!r}: what was done before has no {clause.amount.said!r}")
                 repeated = [self._measured(repeated[0], clause.amount, 1)]
-            counted = repeated[-1].amount if len(repeated) == 1 and clause.more else None
-            if counted is not None and counted.quantity == "times" and counted.said != NOT_SAID:
-                # "bow three times, then once more" is four bows.
-                single = Amount(float(clause.times), "times", clause.said)
+            if clause.more and (single := _further(clause, repeated)) is not None:
                 return [self._measured(repeated[0], single, 1)]
             repeated = repeated * clause.times
             # A motion without an end has one where another follows it.
@@ -588,6 +588,28 @@ def _covers(forbidden: str, text: str, kind: str) -> bool:
     if forbidden in ("run", "dash"):
         return kind in ("run", "dash")
     return forbidden == kind
+
+
+def _further(clause: Clause, repeated: Sequence[Step]) -> Amount | None:
+    """How many more of one motion a request asks for; None where all of what was done before is repeated.
+
+    "Bow three times, then once more" is four bows; "nod", then "three more times", three more nods.
+
+    Raises:
+        RefusedError: "two more" of what is not counted.
+    """
+    done = repeated[-1].amount
+    unsaid = done is None or done.said == NOT_SAID
+    named = vocabulary().words("counts") | {"time", "times", "one"}
+    nameless = clause.counted and not named & set(clause.said.split())  # "two more"
+    if len(repeated) == 1 and done is not None and not unsaid:
+        if done.quantity == "times" or (nameless and done.quantity == "steps"):
+            return Amount(float(clause.times), done.quantity, clause.said)
+    elif len(repeated) == 1 and repeated[0].rhythm is not None:
+        return Amount(float(clause.times), "times", clause.said)
+    if nameless and (len(repeated) > 1 or repeated[0].turn or repeated[0].axis != (0, 0)):
+        raise RefusedError(f"{clause.said!r}: of what? {UNITS}")
+    return None
 
 
 def _changes_last(clause: Clause) -> bool:

@@ -127,6 +127,23 @@ def test_a_mistyped_direction_is_done_as_it_is_meant_and_said(
     assert note in str(remark_on(hearing.model, Text(typed), program))
 
 
+def test_a_gesture_tells_of_no_walk(hearing: Hearing) -> None:
+    """Went wrong: "come here and shake my hand" shook a hand, and its note said that it walks straight ahead."""
+    for say in ("come here and shake my hand", "come here gesture with your hand"):
+        assert hear(hearing, say).heard.notes == ()
+    assert "straight ahead" in str(hear(hearing, "come here").heard.notes)
+
+
+def test_a_count_of_the_last_request_is_told(hearing: Hearing) -> None:
+    """Went wrong: "bow, then clap, three times" was refused, as if all of it could be meant."""
+    assert hear(hearing, "bow, then clap, three times").heard.notes == ("'three times' is taken as of 'clap' alone",)
+
+
+def test_no_word_of_the_grammar_is_told(hearing: Hearing) -> None:
+    """Went wrong: "go light as a feather" was refused as 'light inthatmannery'."""
+    assert "'light as a feather' is no way" in str(hear(hearing, "go light as a feather").heard.reason)
+
+
 def test_a_word_near_a_direction_is_not_taken_for_one(hearing: Hearing) -> None:
     for say in ("point to the loft", "lift the box", "walk lift", "turn on the light", "walk into town"):
         assert hear(hearing, say).heard.notes == () and "left" not in str(hear(hearing, say).heard.heard_as)
