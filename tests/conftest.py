@@ -48,6 +48,14 @@ def hears_hangup() -> Iterator[None]:
     signal.signal(signal.SIGHUP, before)
 
 
+@pytest.fixture
+def hears_interrupt() -> Iterator[None]:
+    """SIGINT as in the foreground of a shell, also in child processes; in its background it is ignored, and a test hung."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of the data sets, which are no part of the project: `$FLEXMOTION_SHARED/data` or `../shared/data`."""

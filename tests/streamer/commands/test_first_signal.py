@@ -10,6 +10,7 @@ import pytest
 from flexmotion.streamer.commands.first_signal import first_signal
 
 
+@pytest.mark.usefixtures("hears_interrupt")
 def test_the_second_signal_does_what_it_did_before(capfd: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), first_signal() as signalled:
@@ -20,6 +21,7 @@ def test_the_second_signal_does_what_it_did_before(capfd: pytest.CaptureFixture[
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.usefixtures("hears_hangup")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_that_end_a_program_are_remembered_too(number: signal.Signals) -> None:
     before = signal.getsignal(number)

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,9 @@ from flexmotion.human.motion_file import save_motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
 from flexmotion.training.checkpoints import LAST, read_checkpoint
+
+LONGEST_S = 300.0
+"""A training that does not hear its signal is ended after this [s]."""
 
 COMMANDS = ["train autoencoder", "train text", "train diffusion", "train distill", "train evaluator"]
 
@@ -91,6 +95,7 @@ def test_training_on_muscles_compares_their_torques(tmp_path: Path, capsys: pyte
     assert _trained(tmp_path, capsys, muscles=True)["validation"]["muscle_torques"] > 0
 
 
+@pytest.mark.usefixtures("hears_interrupt")
 def test_ctrl_c_saves_and_says_from_where_a_training_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -99,13 +104,16 @@ def test_ctrl_c_saves_and_says_from_where_a_training_goes_on(
     arguments = ["train", "autoencoder", "-o", str(tmp_path / "run"), "--threads", "1", "--steps"]
     command = [sys.executable, "-m", "flexmotion.streamer", "-v", *arguments, "100000"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
+        assert process.stderr is not None and process.stdout is not None
+        too_long = threading.Timer(LONGEST_S, process.kill)
+        too_long.start()
         told = []
         for line in process.stderr:
             told.append(line)
             if "resumes at step 2" in line:
                 process.send_signal(signal.SIGINT)
-        output = process.stdout.read() if process.stdout is not None else ""
+        output = process.stdout.read()
+        too_long.cancel()
     assert process.returncode == 130 and not output
     found = re.search(r"autoencoder: interrupted and saved; resumes from step (\d+) of 100000", "".join(told))
     assert found is not None and "Traceback" not in "".join(told)
