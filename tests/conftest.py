@@ -50,7 +50,7 @@ def hears_hangup() -> Iterator[None]:
 
 @pytest.fixture
 def hears_interrupt() -> Iterator[None]:
-    """SIGINT as in the foreground of a shell, also in child processes; in its background it is ignored, and a test hung."""
+    """SIGINT as in the foreground of a shell, also in child processes; ignored in its background, where a test hung."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
