@@ -43,7 +43,7 @@ class Condition:
 
     Raises:
         SamplingError: a number is not finite, a velocity has not three of them or is beyond `GREATEST_VELOCITY`, or
-            the noise is negative.
+            the noise or the tempo is negative.
     """
 
     text: str | None = None
@@ -63,7 +63,7 @@ class Condition:
     def __post_init__(self) -> None:
         _require_velocity("velocity", self.velocity, "within " + _bounds(), GREATEST_VELOCITY)
         _require_velocity("asked", self.asked, "that are finite", (float("inf"),) * 3)
-        for name, least in (("guidance", None), ("manner_guidance", None), ("noise", 0.0)):
+        for name, least in (("guidance", None), ("manner_guidance", None), ("noise", 0.0), ("tempo", 0.0)):
             value = getattr(self, name)
             if value is not None and not (_is_finite(value) and (least is None or value >= least)):
                 expected = "a finite number" + ("" if least is None else f", {least:g} or more")

@@ -45,7 +45,7 @@ class Rhythm:
     Attributes:
         plan: strokes of `TURNS` repetitions and of the first pose after them.
         rest: joint angles that it begins from, (26,) [rad].
-        size: poses of one repetition.
+        poses: of one repetition.
         usual: repetitions of it where a sequence does not say how many.
         shortest: least duration of a stroke [s].
         speed: factor on the speed of the recipe.
@@ -54,7 +54,7 @@ class Rhythm:
 
     plan: Plan
     rest: Float
-    size: int
+    poses: int
     usual: int
     shortest: float
     speed: float = 1.0
@@ -100,7 +100,7 @@ class Rhythm:
     def seconds(self, times: int) -> float:
         """Time from its begin until it is done so often, once or more [s]."""
         turns, last = divmod(times - 1, TURNS)
-        ends = self._reached((last + 1) * self.size - 1) - self.plan.strokes[0].start
+        ends = self._reached((last + 1) * self.poses - 1) - self.plan.strokes[0].start
         return turns * self._period + ends
 
     def times(self, seconds: float) -> int:
@@ -139,7 +139,7 @@ class Rhythm:
     @property
     def _period(self) -> float:
         """Time after which the strokes are the same again [s]."""
-        return self._reached(TURNS * self.size) - self._reached(0)
+        return self._reached(TURNS * self.poses) - self._reached(0)
 
     def _reached(self, stroke: int) -> float:
         """When a stroke ends, in the time of the plan [s]."""

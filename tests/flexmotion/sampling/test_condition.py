@@ -34,6 +34,7 @@ from flexmotion.streamer.motion.intents import FASTEST
         ({"manner_guidance": inf}, "manner_guidance is inf"),
         ({"noise": nan}, "noise is nan, expected a finite number, 0 or more"),
         ({"noise": -1.0}, "noise is -1.0"),
+        ({"tempo": nan}, "tempo is nan, expected a finite number, 0 or more"),
     ],
 )
 def test_what_is_no_velocity_is_not_sampled(asked: dict[str, Any], told: str) -> None:
