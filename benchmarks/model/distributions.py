@@ -108,7 +108,7 @@ def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
             if sides(kind) == {"left"}:
                 kind, own = mirrored(kind), mirror(own)
             if kind in rhythm_kinds() and (part := shown(clip.info["labels"])) is not None:
-                # People stop; who was asked to clap goes on. Compared is what follows the last frames before it.
+                # Clips end, and a sample claps on: the strokes alone are compared, after the same frames before them.
                 first, last = (
                     round(part.start * sampler.fps) - sampler.remembers,
                     round((part.left or part.end) * sampler.fps),

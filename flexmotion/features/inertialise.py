@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.features.layout import Layout
+from flexmotion.spatial.transitions import decaying
 
 Float32 = NDArray[np.float32]
 
@@ -45,7 +46,7 @@ def inertialised(frames: Float32, history: Float32, layout: Layout) -> Float32:
     before = 2.0 * frames[0, pose] - frames[1, pose]
     jump = history[-1, pose] - before
     speed = (history[-1, pose] - history[-2, pose]) - (frames[1, pose] - frames[0, pose])
-    moved[:, pose] += (jump + (speed + rate * jump) * time) * np.exp(-rate * time)
+    moved[:, pose] += decaying(jump, speed, rate, time)
 
     travel = slice(root, root + 3)
     fading = (1.0 + rate * (time - 1)) * np.exp(-rate * (time - 1))

@@ -21,6 +21,7 @@ from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import LEFT, RIGHT
+from flexmotion.spatial.transitions import decaying
 from flexmotion.text.sides import mirrored
 
 Float = NDArray[np.float64]
@@ -125,7 +126,7 @@ class Rhythm:
         away = away[-1] - turns
         passed = np.arange(1, len(window) + 1)[:, None] / fps
         joints = window.joints.copy()
-        joining = (away + (rate + away / JOINING_S) * passed) * np.exp(-passed / JOINING_S)
+        joining = decaying(away, rate, 1.0 / JOINING_S, passed)
         joints[:, columns] = path[2:] + turns + joining  # angles go on where they are, however often an arm has turned
         return replace(window, joints=joints)
 

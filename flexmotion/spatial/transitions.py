@@ -1,6 +1,8 @@
-"""Smooth transitions from 0 to 1."""
+"""Smooth transitions: from 0 to 1, and from a distance to rest."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,21 @@ def minimum_jerk(s: Float) -> Float:
     """The quintic 10 s³ - 15 s⁴ + 6 s⁵ for s clipped to [0, 1], (...): zero slope and curvature at both ends."""
     s = _within_unit(s)
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+def decaying(off: NDArray[Any], speed: NDArray[Any], rate: float, time: NDArray[Any]) -> NDArray[Any]:
+    """What is left of a distance and its speed after a time, critically damped, (T, n).
+
+        (x + (v + y x) t) exp(-y t)
+
+    Args:
+        off: distance x at time 0, (n,).
+        speed: its derivative v, (n,).
+        rate: y, the inverse of the time constant.
+        time: t, (T, 1).
+    """
+    found: NDArray[Any] = (off + (speed + rate * off) * time) * np.exp(-rate * time)
+    return found
 
 
 def _within_unit(s: Float) -> Float:

@@ -87,8 +87,8 @@ def _at_someone(words: list[str]) -> str | None:
     known = vocabulary()
     if words[0] not in known.words("paths") | {"come", "move", "get"} or known.words("limbs") & set(words):
         return None  # "move your hand as if waving at someone"
-    if words[0] in ("go", "come") and words[1:] and stem(words[1]) in gesture_verbs():
-        return None  # "go wave at them"
+    if _goes_to_gesture(words):
+        return None
     found = _AT_SOMEONE.search(" ".join(words[1:]))
     return None if found is None else found[0]
 
@@ -137,12 +137,17 @@ def _other_complement(words: list[str], how: bool) -> str | None:
 
 def is_gesture(words: list[str]) -> bool:
     """Whether the first word that tells what to move with is a gesture's: "do a clap backwards", "go wave back"."""
-    rest = words[1:] if words[0] in ("go", "come") and stem("".join(words[1:2])) in gesture_verbs() else words
+    rest = words[1:] if _goes_to_gesture(words) else words
     feet = feet_verbs() | {"come", "steps"}
     gestures = gesture_verbs() | vocabulary().words("gesture_nouns")
     told = next((word for word in map(stem, rest) if word in feet | gestures), "")
     behind = re.search(r"\bbehind (?:your|the|its) back\b", " ".join(rest)) is not None
     return told in gestures or (behind and not told)
+
+
+def _goes_to_gesture(words: list[str]) -> bool:
+    """Whether a walk is only the way to say a gesture: "go wave at them"."""
+    return words[0] in ("go", "come") and bool(words[1:]) and stem(words[1]) in gesture_verbs()
 
 
 @lru_cache

@@ -632,9 +632,9 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
     if clause.asks is not Asks.MOTION:
         return ()
     gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
-    on_the_spot = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
+    turns_by_angle = step.turn != 0 and step.amount is not None and step.amount.quantity == "angle"
     one_speed = gesture and not _is_paced(step, clause.speed)
-    manner = clause.manner if one_speed or (on_the_spot and clause.speed > 1.0) else ""
+    manner = clause.manner if one_speed or (turns_by_angle and clause.speed > 1.0) else ""
     # A recipe has one manner, whatever the model's motions have.
     ways = [] if step.rhythm is None else [phrase.text for phrase in manner_phrases(clause.text) if phrase.manner]
     both = BOTH_HANDS.search(clause.text) if gesture and len(sides(step.kind)) == 1 else None
