@@ -39,7 +39,7 @@ def faults(task: Task, program: Program) -> list[str]:
     if heard.state == "refused":
         return []
     wanted = task.does or ()
-    kinds = [step.kind for step in program.steps]
+    kinds = [step.told.motion for step in program.steps]
     if kinds != [kind for kind, *_ in wanted]:
         return [f"heard as {', '.join(kinds)}"]
     wrong = [f"does not say that it dropped {part!r}" for part in task.dropped if part not in heard.dropped]

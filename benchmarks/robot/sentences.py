@@ -124,7 +124,7 @@ def _judge(task: Task, robot: Robot, session: Session, heard: Heard, begin: int,
     if refused:
         return judged  # plainly
     wanted = _own(heard) if task.does is None else task.does
-    kinds = [step.heard_as for step in heard.steps] or [heard.heard_as]
+    kinds = [step.motion for step in heard.steps] or [str(heard.heard_as)]
     # A look is a direction of the head: the human does not move for it.
     looks = heard.heard_as == "head" and len(wanted) == 1 and wanted[0][0] in LOOKS
     if not looks and [kind for kind, *_ in wanted] != kinds:
@@ -147,7 +147,9 @@ def _judge(task: Task, robot: Robot, session: Session, heard: Heard, begin: int,
             last = min(last + round(_UNTWISTED_S * record.rate_hz), end)
         part = Seen(robot, record, bounds[number], last)
         judged.figures.append(f"{kind}: {part.text()}")
-        judged.faults += [f"{kind}: {fault}" for fault in part.faults(kind, amount[0] if amount else None)]
+        main, _, gesture = kind.partition(" with ")
+        judged.faults += [f"{main}: {fault}" for fault in part.faults(main, amount[0] if amount else None)]
+        judged.faults += [f"{gesture}: {fault}" for fault in (part.faults(gesture, None) if gesture else ())]
     judged.done = not judged.faults
     return judged
 
@@ -158,10 +160,10 @@ def _own(heard: Heard) -> tuple[tuple[str, ...], ...]:
     if heard.heard_as == "head" and not heard.steps:
         return (("head",),)
     return tuple(
-        (str(step.heard_as),)
+        (step.motion,)
         if step.amount is None or step.unit is None
         else (
-            str(step.heard_as),
+            step.motion,
             f"{np.degrees(step.amount) if step.unit == 'angle' else step.amount} {units[step.unit]}",
         )
         for step in heard.steps

@@ -7,6 +7,7 @@ from math import isfinite
 
 from flexmotion.configs.errors import SamplingError
 from flexmotion.features.constraints import Constraints
+from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.rhythm import Rhythm
@@ -39,6 +40,7 @@ class Condition:
         constraints: places, angles, path and forces that are asked of single frames, means of the path; None for none.
         pose: in which the arms are kept, or the gesture that they and the head make; None: they move as sampled,
             and words of a rhythm begin with this window.
+        beside: a gesture of arms or head that is made meanwhile; None: there is none.
         held: whether the pose that is asked for is reached, so that the window is quiet.
 
     Raises:
@@ -57,6 +59,7 @@ class Condition:
     noise: float = 1.0
     constraints: Constraints | None = None
     pose: KeptPose | Rhythm | None = None
+    beside: Beside | None = None
     held: bool = False
     tempo: float = 1.0
 

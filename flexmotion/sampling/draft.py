@@ -21,6 +21,7 @@ from flexmotion.human.body import Body
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import at_rest
+from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.limb_closing import LEG, closed, staying
@@ -62,6 +63,7 @@ class Draft:
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
         pose: see `Condition`; None: arms and head move as decoded.
+        beside: see `Condition`.
         cutoff: at which balanced windows are low-passed [Hz].
         source: of the motion.
     """
@@ -75,6 +77,7 @@ class Draft:
     on_the_spot: bool
     asked: Constraints | None
     pose: KeptPose | Rhythm | None
+    beside: Beside | None
     cutoff: float
     source: str
 
@@ -103,7 +106,9 @@ class Draft:
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.rest is not None:
             motion = at_rest(motion, self.rest)
-        return motion if self.pose is None else self.pose.kept(motion, self.history), slip
+        for own in (self.pose, self.beside):
+            motion = motion if own is None else own.kept(motion, self.history)
+        return motion, slip
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.

@@ -21,7 +21,7 @@ from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import LEFT, RIGHT
-from flexmotion.spatial.transitions import decaying
+from flexmotion.sampling.led_path import KNOWN, led_along
 from flexmotion.text.sides import mirrored
 
 Float = NDArray[np.float64]
@@ -34,9 +34,6 @@ SIZES = 8
 
 SLOWEST = 0.3
 """Least factor on its speed."""
-
-JOINING_S = 0.2
-"""Time constant with which joints that were elsewhere come to the gesture [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +115,9 @@ class Rhythm:
             window: as sampled, standing.
             before: the motion up to the window, at least one frame.
         """
-        columns, fps = moving(self.plan), window.fps
-        path = self._angles(np.arange(self.frame - 1, self.frame + len(window) + 1) / fps)[:, columns]
-        known = before.joints[max(0, len(before) - 2) :, columns]
-        away = known - path[2 - len(known) : 2]
-        rate, turns = (away[-1] - away[0]) * fps, 2 * np.pi * np.round(away[-1] / (2 * np.pi))
-        away = away[-1] - turns
-        passed = np.arange(1, len(window) + 1)[:, None] / fps
-        joints = window.joints.copy()
-        joining = decaying(away, rate, 1.0 / JOINING_S, passed)
-        joints[:, columns] = path[2:] + turns + joining  # angles go on where they are, however often an arm has turned
-        return replace(window, joints=joints)
+        columns = moving(self.plan)
+        path = self._angles(np.arange(self.frame + 1 - KNOWN, self.frame + 1 + len(window)) / window.fps)
+        return led_along(window, before, path[:, columns], columns)
 
     def _angles(self, since: Float) -> Float:
         """Joint angles at times since the begin, (T,) [s] -> (T, 26) [rad]."""

@@ -210,6 +210,7 @@ class Sampler:
             on_the_spot=not self.requests.travels(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),
+            beside=condition.beside,
             cutoff=HELD_CUTOFF if condition.held and free else CUTOFF,
             source=self._source,
         )

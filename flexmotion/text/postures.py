@@ -71,9 +71,14 @@ def _end(tokens: list[Token], start: int) -> int:
     A direction behind a word of a posture ends it ("with your arms up to the left"), any other may be the walk's.
     """
     known = vocabulary()
-    posed = False
+    posed, whole = False, start
     for place in range(start, len(tokens)):
+        if place < whole:
+            continue
         token = tokens[place]
+        if phrase := begins(tokens, place, known.phrases("posture_places")):
+            posed, whole = True, place + len(phrase.split())
+            continue
         if not isinstance(token, str):
             return place
         named = posed and tokens[place - 1] in known.words("limb_owners")  # "behind your back"

@@ -149,6 +149,13 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             parts[-1].joint = "but"
             place += 1
             continue
+        if token == "and" and (phrase := begins(tokens, place + 1, at_once)):
+            end = place + 1 + len(phrase.split())
+            if _begins_request(tokens, end, parts[-1].tokens):  # "walk, and at the same time wave"
+                open_part("and")
+                parts[-1].dropped.append(phrase)
+                place = end
+                continue
         if token in ("and", "or", "nor", "but", "plus") and _begins_request(tokens, place + 1, parts[-1].tokens):
             open_part(str(token))
             place += 1
@@ -228,16 +235,23 @@ def _pauses_between(tokens: list[Token], place: int) -> bool:
 def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
     """Where what is done beside a motion ends, if it begins at a place ("walk carrying a box to the left"); else 0.
 
-    An amount, a time or a direction behind it belongs to the motion.
+    An amount, a time or a direction behind it belongs to the motion; the direction of a gesture is its own ("walk
+    pointing to the left").
     """
     known = vocabulary()
-    if tokens[place] not in known.words("doing") or not any(_moves(one) for one in before):
+    asked = place > 0 and tokens[place - 1] not in ("and", "without") and before[:1] != ["stop"]
+    gesture = asked and begins(tokens, place, known.phrases("gesturing")) is not None
+    if not (gesture or tokens[place] in known.words("doing")) or not any(_moves(one) for one in before):
         return 0
     end = _next_joint(tokens, place)
     for index in range(place + 1, end):
         token = tokens[index]
-        named = index + 1 < end and tokens[index + 1] in body_parts()  # "in your left hand"
-        if isinstance(token, Amount) or (token in known.words("directions") and not named):
+        if gesture:
+            ends = isinstance(token, Amount) and token.quantity != "times"
+        else:
+            named = index + 1 < end and tokens[index + 1] in body_parts()  # "in your left hand"
+            ends = isinstance(token, Amount) or (token in known.words("directions") and not named)
+        if ends:
             end = index
             while end > place + 1 and tokens[end - 1] in ("for", "to", "the", "by", "your", "toward", "towards"):
                 end -= 1

@@ -51,6 +51,7 @@ class HeardStep(BaseModel):
         text: words that the listener heard.
         heard_as: kind of motion; None: not understood.
         manner: in which it is done; None: the normal one.
+        beside: kind of the gesture that arms or head make meanwhile; None: there is none.
         certainty: share of that kind in what the listener heard, in [0, 1].
         amount: how much of it, in radians, metres, steps, seconds or times (`unit`); None: until the next target.
         limit_s: the step ends after this time, done or not [s]; None: never.
@@ -66,6 +67,7 @@ class HeardStep(BaseModel):
     text: str
     heard_as: str | None = None
     manner: str | None = None
+    beside: str | None = None
     certainty: float | None = None
     amount: float | None = None
     unit: Quantity | None = None
@@ -75,6 +77,11 @@ class HeardStep(BaseModel):
     end_s: float | None = None
     measured: float | None = None
     place: tuple[float, float, float] | None = None
+
+    @property
+    def motion(self) -> str:
+        """Its kind of motion, with the gesture that is made meanwhile."""
+        return str(self.heard_as) if self.beside is None else f"{self.heard_as} with {self.beside}"
 
     @property
     def is_measured(self) -> bool:
@@ -209,7 +216,7 @@ class Heard(BaseModel):
 
 
 def _step_text(step: HeardStep) -> str:
-    kind = f"{step.heard_as}, {step.manner}," if step.manner else str(step.heard_as)
+    kind = f"{step.motion}, {step.manner}," if step.manner else step.motion
     if step.amount is None or step.unit is None:
         return kind.rstrip(",")
     limit = "" if step.limit_s is None else f" (at most {step.limit_s:.0f} s)"

@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import log
 
+from flexmotion.sampling.beside import fits_beside
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.motion.at_once import amount_of, ends_gesture, together, without_amount
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
 from flexmotion.streamer.motion.measured_steps import (
@@ -35,6 +37,7 @@ from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
+from flexmotion.text.meanwhile import at_once
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import BOTH_UP, STAND, WALK, limbs, moves_head
 from flexmotion.text.postures import moves_along
@@ -120,7 +123,11 @@ class Hearing:
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
         try:
-            wanted = self._without_forbidden(sentence, clauses)
+            if len(clauses) == 1 and (changed := self._with_gesture(sentence, clauses[0], under_way)) is not None:
+                return changed
+            wanted = together(self._without_forbidden(sentence, clauses), self.model)
+            dropped = tuple(part for clause in (*wanted, *_forbidden(clauses)) for part in clause.dropped)
+            notes = tuple(note for clause in (*wanted, *_forbidden(clauses)) for note in clause.notes)
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
@@ -161,7 +168,7 @@ class Hearing:
         heard = Heard(
             asked=sentence,
             state="partly" if dropped else "slowed" if slowed else "accepted",
-            heard_as=", ".join(step.kind for step in steps),
+            heard_as=_kinds(steps),
             manner=_manners(steps),
             certainty=min(certainties, default=None),
             slowed=slowed,
@@ -288,7 +295,7 @@ class Hearing:
         heard = Heard(
             asked=sentence,
             state="partly" if clause.dropped else "accepted",
-            heard_as=", ".join(step.kind for step in steps),
+            heard_as=_kinds(steps),
             manner=_manners(steps),
             certainty=1.0,
             dropped=clause.dropped,
@@ -296,6 +303,38 @@ class Hearing:
             steps=tuple(step.told for step in steps),
         )
         return Program(tuple(steps), heard, under_way.number)
+
+    def _with_gesture(self, sentence: str, clause: Clause, under_way: Program | None) -> Program | None:
+        """What is under way without the gesture that is made beside it, or with one; None where that is not asked.
+
+        "Stop waving" ends no walk, and "wave at the same time" none either.
+        """
+        if under_way is None or not under_way.is_open or clause.refusal is not None:
+            return None
+        (step,) = under_way.steps
+        kind = step.told.beside
+        if kind is not None and ends_gesture(clause, kind, self.model):
+            changed, note, dropped = step.with_beside(None), f"{step.kind} goes on without it", clause.dropped
+        else:
+            dropped = tuple(phrase for phrase in clause.dropped if not at_once(phrase))
+            if clause.asks is not Asks.MOTION or clause.forbidden or dropped == clause.dropped:
+                return None
+            gesture = self._single_motion(without_amount(clause), in_sequence=False)
+            if step.kind == STAND or not fits_beside(gesture.kind, step.kind):
+                return None
+            changed, note = step.with_beside(gesture), f"{step.kind} goes on"
+            dropped += () if clause.amount is None and not clause.counted else (amount_of(clause),)
+        heard = Heard(
+            asked=sentence,
+            state="partly" if dropped else "accepted",
+            heard_as=changed.told.motion,
+            manner=_manners([changed]),
+            certainty=1.0,
+            dropped=dropped,
+            notes=(note,),
+            steps=(changed.told,),
+        )
+        return Program((changed,), heard, under_way.number)
 
     def _in_manner(self, sentence: str, way: str, under_way: Program | None) -> Program:
         """What is under way in another manner, which goes on where it is.
@@ -324,13 +363,13 @@ class Hearing:
             velocity = step.intent.forward, step.intent.left, step.intent.turning
             intent, asked = replace(step.intent, manner=prompt.manner), Condition(velocity=velocity, pace=self.pace)
         else:
-            intent, asked = Text(text), Condition(text, pace=self.pace)
+            intent, asked = Text(text, beside=step.beside), Condition(text, pace=self.pace)
         slowed = self.speeds.slowed(asked)
         told = step.told.model_copy(update={"text": text, "manner": prompt.manner, "slowed": slowed})
         heard = Heard(
             asked=sentence,
             state="accepted" if slowed is None else "slowed",
-            heard_as=step.kind,
+            heard_as=told.motion,
             manner=prompt.manner,
             certainty=_rounded(prompt),
             slowed=slowed,
@@ -454,6 +493,10 @@ class Hearing:
         tempo = step.intent.tempo if isinstance(step.intent, Text) else 1.0
         asked = Clause(clause.said, with_side(step.told.text, clause.side), speed=tempo, on_the_spot=spot)
         mirrored = self._motion(asked, in_sequence=False)
+        if step.beside is not None:
+            told = mirrored.told.model_copy(update={"beside": step.told.beside})
+            assert isinstance(mirrored.intent, Text | Velocity)
+            mirrored = replace(mirrored, intent=replace(mirrored.intent, beside=step.beside), told=told)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _lowering(self, clause: Clause, done: Sequence[Step]) -> Clause:
@@ -492,6 +535,12 @@ class Hearing:
         raise RefusedError(f"{clause.said!r}: which {limb}? say left or right")
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
+        step = self._single_motion(clause, in_sequence)
+        if clause.beside is None:
+            return step
+        return step.with_beside(self._single_motion(clause.beside, in_sequence=False))
+
+    def _single_motion(self, clause: Clause, in_sequence: bool) -> Step:
         if not clause.text:
             raise RefusedError(f"{clause.said!r} is not understood: it names no motion")
         prompt = self.model.prompt(clause.text)
@@ -559,6 +608,15 @@ class Hearing:
         return self._measured(step, amount, times)
 
 
+def _kinds(steps: Sequence[Step]) -> str:
+    """Kinds of motion of the steps, with the gestures that are made meanwhile."""
+    return ", ".join(step.told.motion for step in steps)
+
+
+def _forbidden(clauses: Sequence[Clause]) -> list[Clause]:
+    return [clause for clause in clauses if clause.forbidden]
+
+
 def _manners(steps: Sequence[Step]) -> str | None:
     """Manners of the steps; None where all are normal."""
     said = [step.told.manner or NORMAL for step in steps]
@@ -620,7 +678,7 @@ def _changes_last(clause: Clause) -> bool:
 def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:
     """Whether a request asks for no more than what is under way: "don't stop", "keep walking"."""
     keeps = clause.asks is Asks.CONTINUE or "keep" in clause.text.split()
-    same = under_way is not None and [step.kind for step in steps] == [under_way.steps[-1].kind]
+    same = under_way is not None and [step.told.motion for step in steps] == [under_way.steps[-1].told.motion]
     return keeps and clause.amount is None and same and steps[0].kind != STAND
 
 

@@ -50,10 +50,13 @@ class Text:
     Attributes:
         text: the words.
         tempo: factor on the speed of repeated strokes that they mean; other motions have the speed of their words.
+        beside: gesture that arms or head make meanwhile; None: there is none. A sentence says it ("walk while waving"),
+            and a target with one is refused.
     """
 
     text: str
     tempo: float = 1.0
+    beside: Text | None = None
 
     def __post_init__(self) -> None:
         require_words("text", self.text, "words that say what to do")
@@ -69,6 +72,7 @@ class Velocity:
         manner: in which to move; None: the normal one. A sentence says it; targets, script files and logs hold
             velocities without one, and a target with one is refused.
         paced: whether it is slowed to the robot's pace; what makes up for the model's errors is not.
+        beside: as of `Text`.
 
     Raises:
         ConfigError: a value is not a finite number, or beyond `FASTEST`, or the manner is no name.
@@ -79,6 +83,7 @@ class Velocity:
     turning: float
     manner: str | None = None
     paced: bool = True
+    beside: Text | None = None
 
     def __post_init__(self) -> None:
         value: list[Any] = [self.forward, self.left, self.turning]

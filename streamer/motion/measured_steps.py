@@ -60,7 +60,7 @@ def at_rate(speeds: Speeds, step: Step, rate: Rate, on_the_spot: bool) -> Step:
     forward, left, turning = (share * rate.value for share in along)
     slowed = speeds.slowed(Condition(velocity=(forward, left, turning), pace=speeds.pace))
     told = step.told.model_copy(update={"slowed": slowed})
-    return replace(step, intent=Velocity(forward, left, turning, step.told.manner), told=told)
+    return replace(step, intent=Velocity(forward, left, turning, step.told.manner, beside=step.beside), told=told)
 
 
 def on_the_spot(pace: Pace | None, step: Step) -> Step:
@@ -73,7 +73,7 @@ def on_the_spot(pace: Pace | None, step: Step) -> Step:
     asked = abs(step.intent.turning) if isinstance(step.intent, Velocity) else 0.0
     rate = min(asked or fastest, fastest)
     told = step.told.model_copy(update={"slowed": None})
-    return replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner), told=told)
+    return replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner, beside=step.beside), told=told)
 
 
 def measured(model: Model, pace: Pace | None, step: Step, amount: Amount, times: int) -> Step:

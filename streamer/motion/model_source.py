@@ -12,11 +12,13 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.course import MEASURED_S, Course
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.allowed_clips import AllowedClips
+from flexmotion.streamer.motion.gesture_beside import GestureBeside
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
@@ -115,6 +117,7 @@ class ModelSource:
         self._first = -len(self._pieces[0])
         self._courses: list[tuple[int, Course]] = []  # first frames of windows, and the course after each
         self._pose: tuple[int, KeptPose] | None = None  # first frame of its words, and the pose that they reached
+        self._gesture: GestureBeside | None = None  # made beside what the words ask for
         self._remarked: str | None = None  # kind of the last message about a target
 
     @property
@@ -342,6 +345,7 @@ class ModelSource:
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
         asked, seed = self._kept_straight(begin, intent), (self.seed << 32) + begin
+        asked = replace(asked, beside=self._beside(begin, intent))
         if self._holds(begin):
             asked = self.sampler.requests.held(asked)
         found = self.sampler.extend(history, self._in_pose(begin, asked), seed)
@@ -362,6 +366,17 @@ class ModelSource:
         if pose is None or begun[0] != pose[0]:
             return asked
         return replace(asked, pose=pose[1].later(frame - begun[0]))
+
+    def _beside(self, frame: int, intent: Intent | None) -> Beside | None:
+        """What the window that begins at a frame shows of the gesture that is made meanwhile; None: there is none."""
+        gesture = intent.beside if isinstance(intent, Text | Velocity) else None
+        if gesture is None:
+            return None
+        if self._gesture is None or not self._gesture.goes_on(gesture, frame):
+            human = ModelSource(self.sampler, (), gesture.text, self.seed + frame, straight=False)
+            human.steer(gesture)
+            self._gesture = GestureBeside(gesture, frame, self.sampler.prompt(gesture.text).kind, human)
+        return self._gesture.window(frame, self.sampler.future)
 
     def _reaches(self, frame: int, asked: Condition, window: Motion) -> bool:
         """Whether a window that begins at a frame reaches the pose of its words, which people would leave at once."""

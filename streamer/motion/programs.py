@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -80,9 +80,22 @@ class Step:
         return self.goal is not None or turns
 
     @property
+    def beside(self) -> Text | None:
+        """The gesture that is made meanwhile; None: there is none."""
+        return self.intent.beside if isinstance(self.intent, Text | Velocity) else None
+
+    def with_beside(self, gesture: Step | None) -> Step:
+        """The step with a gesture that is made meanwhile, as long as the step lasts; None: without one."""
+        assert isinstance(self.intent, Text | Velocity)
+        asked = None if gesture is None else gesture.intent
+        assert asked is None or isinstance(asked, Text)
+        told = self.told.model_copy(update={"beside": None if gesture is None else gesture.kind})
+        return replace(self, intent=replace(self.intent, beside=asked), told=told)
+
+    @property
     def begins(self) -> Intent:
         """What the human does as the step begins."""
-        return Text("stand still") if self.is_led else self.intent
+        return Text("stand still", beside=self.beside) if self.is_led else self.intent
 
     @property
     def moves(self) -> bool:

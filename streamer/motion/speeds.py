@@ -89,7 +89,8 @@ class Speeds:
         limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
         told = step.told.model_copy(update={"limit_s": limit})
         forward, left, turning = map(float, velocity)
-        return replace(step, intent=Velocity(forward, left, turning, manner), limit_s=limit, told=told)
+        intent = Velocity(forward, left, turning, manner, beside=step.beside)
+        return replace(step, intent=intent, limit_s=limit, told=told)
 
     def _paced(self, step: Step, tempo: float) -> Step:
         """A rhythm at another speed; the same step where it goes no further."""

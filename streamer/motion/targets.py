@@ -128,7 +128,8 @@ class TargetSender:
             holds_s, take_up_s: see `Target`.
 
         Raises:
-            ConfigError: its text or name is too long, a time is not positive, or a velocity has a manner.
+            ConfigError: its text or name is too long, a time is not positive, a velocity has a manner, or a gesture is
+                to be made beside it.
         """
         if not (holds_s > 0.0 and take_up_s > 0.0):
             raise ConfigError(f"target: holds_s {holds_s} and take_up_s {take_up_s}: expected positive times [s]")
@@ -136,6 +137,10 @@ class TargetSender:
             row = self._row
             row.kind[...], row.text[...], row.velocity[...] = _KINDS.index(word_of(intent)), b"", 0.0
             match intent:
+                case Text(beside=Text(text)) | Velocity(beside=Text(text)):
+                    raise ConfigError(
+                        f"target: {word_of(intent)}: beside {text!r}: say both in words, as in 'walk while waving'"
+                    )
                 case Clip(text) | Text(text):
                     encoded = text.encode()
                     if len(encoded) > _TEXT_BYTES:

@@ -88,6 +88,7 @@ class Navigator:
         time_s: now, on the clock of `update` [s].
         size: of the robot.
         manner: in which the human moves; None: the normal one.
+        beside: gesture that it makes meanwhile; None: there is none.
 
     Attributes:
         phase: present phase; over: nothing more is done.
@@ -105,8 +106,9 @@ class Navigator:
         size: RobotSize,
         *,
         manner: str | None = None,
+        beside: Text | None = None,
     ) -> None:
-        self.goal, self.pace, self.size, self.manner = goal, pace, size, manner
+        self.goal, self.pace, self.size, self.manner, self.beside = goal, pace, size, manner, beside
         self.move: Velocity | None = None
         self.arrived, self._looks = False, 0.0
         self._begin_s, self._attempts = time_s, 0
@@ -136,7 +138,10 @@ class Navigator:
     def asked(self) -> Intent | None:
         """What the human does; None: nothing, the robot stands."""
         move = self.move
-        return STANDING if move is not None and not any((move.forward, move.left, move.turning)) else move
+        if move is None:
+            return None
+        asked = move if any((move.forward, move.left, move.turning)) else STANDING
+        return replace(asked, beside=self.beside)
 
     def at(self, turning: float) -> Navigator:
         """The same way at another turning speed [rad/s], from the turn under way on; where the goal is `Wound`."""
@@ -305,4 +310,4 @@ def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float, si
     assert step.amount is not None and isinstance(step.intent, Velocity)
     turning = max(abs(step.intent.turning), SLOWEST_TURN)
     goal = Wound(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
-    return Navigator(goal, pace, place, time_s, size, manner=manner)
+    return Navigator(goal, pace, place, time_s, size, manner=manner, beside=step.beside)

@@ -38,7 +38,7 @@ export function told(entry, own, kinds = []) {
   if (reason) Object.assign(found, why(reason, kinds, entry.broke));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
     found.steps = steps.map((step) => ({
-      text: [mannered(step.heard_as ?? step.text, step.manner), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
+      text: [mannered(motion(step), step.manner), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
       end: ENDS[step.end] ?? "", done: step.end === "done",
     }));
   } else if (heard_as && plain(heard_as) !== entry.text && !entry.stick && !entry.goal) {
@@ -50,6 +50,11 @@ export function told(entry, own, kinds = []) {
   found.notes.push(...(notes ?? []));
   if (entry.source && entry.source !== own) found.notes.push(`by ${entry.source}`);
   return found;
+}
+
+// The motion of a step, with the gesture that is made meanwhile.
+function motion({ heard_as, text, beside }) {
+  return [heard_as ?? text, ...(beside ? [beside] : [])].join(" with ");
 }
 
 // A kind of motion, in its manner.

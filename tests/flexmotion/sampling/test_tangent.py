@@ -37,6 +37,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         on_the_spot=False,
         asked=None,
         pose=None,
+        beside=None,
         cutoff=CUTOFF,
         source="",
     ), features[12:]

@@ -57,6 +57,15 @@ def test_a_velocity_with_a_manner_is_not_sent() -> None:
     assert mailbox.newest() is NO_TARGET
 
 
+@pytest.mark.parametrize("intent", [Text("walk", beside=Text("wave")), Velocity(0.5, 0.0, 0.0, beside=Text("wave"))])
+def test_a_gesture_beside_is_sent_in_words_alone(intent: Text | Velocity) -> None:
+    """It would have been left out without a word: a target holds words or a velocity."""
+    mailbox = TargetMailbox()
+    with pytest.raises(ConfigError, match="beside 'wave': say both in words, as in 'walk while waving'"):
+        mailbox.send(intent)
+    assert mailbox.newest() is NO_TARGET
+
+
 @pytest.mark.parametrize("manner", [7, float("nan"), ""])
 def test_a_manner_that_is_no_name_is_refused(manner: object) -> None:
     with pytest.raises(ConfigError, match="velocity: manner: expected the name of a manner"):

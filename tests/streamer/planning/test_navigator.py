@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from flexmotion.configs.robot import load_robot
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
-from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Waypoint
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Text, Waypoint
 from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase, Wound
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
@@ -173,3 +173,11 @@ def test_a_turn_goes_on_at_another_speed() -> None:
         assert other.move is not None and other.move.turning == pytest.approx(expected)
         assert other.phase is Phase.TURN and isinstance(other.goal, Wound) and other.goal.heading == 2.0
     assert navigator.move is not None and navigator.move.turning == pytest.approx(0.5)
+
+
+def test_a_gesture_is_made_on_the_whole_way_and_not_after_it() -> None:
+    """Its turns were asked for without it."""
+    navigator = Navigator(Heading(1.0), PACE, np.zeros(3), 0.0, SIZE, beside=Text("wave"))
+    assert navigator.asked is not None and navigator.asked.beside == Text("wave")  # type: ignore[union-attr]
+    navigator.update(np.array([0.0, 0.0, 1.0]), 5.0)
+    assert navigator.phase is Phase.SETTLE and navigator.asked is None

@@ -1,0 +1,131 @@
+"""`together`: requests of a sentence that are done at the same time, as one: "walk while waving"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from flexmotion.sampling.beside import fits_beside
+from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.motion.programs import GESTURE_S
+from flexmotion.streamer.motion.speeds import Model
+from flexmotion.text.amounts import Amount
+from flexmotion.text.clause import Asks, Clause
+from flexmotion.text.grammar import parse
+from flexmotion.text.limbs import lowered_arm
+from flexmotion.text.meanwhile import at_once, is_posture, meanwhile
+from flexmotion.text.phrases import STAND, is_pose, limbs
+from flexmotion.text.sentence_parts import NEGATES
+from flexmotion.text.sides import sides
+from flexmotion.text.vocabulary import vocabulary
+
+SURE = 0.8
+"""Least share of a kind in what the listener hears in words of a posture: "with your eyes closed" is none."""
+
+
+def together(clauses: Sequence[Clause], model: Model) -> list[Clause]:
+    """The requests, in their order, with a gesture of free arms or of the head beside another motion in one.
+
+    What does not fit together stays as it was: one after the other, or left out.
+
+    Args:
+        clauses: of a sentence.
+        model: that hears them.
+    """
+    found: list[Clause] = []
+    for clause in clauses:
+        said = [phrase for one in (*found[-1:], clause) for phrase in one.dropped if at_once(phrase)]
+        both = _both(found[-1], clause, model) if said and found else None
+        if both is not None:
+            found[-1] = _told(both)
+        else:
+            found.append(clause)
+    return [_with_phrases(clause, model) for clause in found]
+
+
+def ends_gesture(clause: Clause, kind: str, model: Model) -> bool:
+    """Whether a request asks for the end of a kind of gesture, which is made beside something else: "stop waving"."""
+    words = clause.text.split()
+    if lowered := lowered_arm(clause.text):
+        return "arm" in (limbs(kind) or ()) and (not sides(kind) or lowered[0] in sides(kind))
+    stops = words[:1] != [] and words[0] in vocabulary().words("stop_verbs")
+    rest = " ".join(words[1:]) if stops else NEGATES.sub(" ", clause.text).strip() if clause.forbidden else ""
+    return bool(rest) and model.prompt(rest).kind == kind
+
+
+def without_amount(clause: Clause) -> Clause:
+    """A request without its end: a gesture beside another motion lasts as long as that one."""
+    return replace(clause, amount=None, times=1, counted=False)
+
+
+def amount_of(clause: Clause) -> str:
+    """What a request says of its end, in words."""
+    return f"{clause.times} times" if clause.amount is None else clause.amount.said
+
+
+def _told(clause: Clause) -> Clause:
+    """A request of two motions, which are done at the same time as it says."""
+    return replace(clause, dropped=tuple(one for one in clause.dropped if not at_once(one)))
+
+
+def _with_phrases(clause: Clause, model: Model) -> Clause:
+    """A request with the gesture that one of its phrases asks for."""
+    for phrase in clause.dropped:
+        words = meanwhile(phrase)
+        asked = () if words is None else parse(words)
+        if len(asked) != 1:
+            continue
+        other = asked[0]
+        if is_posture(phrase):
+            heard = model.prompt(other.text)
+            if not (is_pose(heard.kind) and heard.share >= SURE):
+                continue
+        both = _both(clause, replace(other, joint=clause.joint), model)
+        if both is not None:
+            return _told(replace(both, said=clause.said, dropped=tuple(one for one in both.dropped if one != phrase)))
+    return clause
+
+
+def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
+    """Two requests as one; None where they do not fit together."""
+    kinds = [_kind(clause, model) for clause in (one, other)]
+    if None in kinds or one.beside is not None:
+        return None
+    first, second = map(str, kinds)
+    if one.text.split()[0] in vocabulary().words("stop_verbs"):
+        return None  # "stop walking while waving"
+    if first == STAND and fits_beside(second, first):
+        return _joined(other, one)  # "stand still while waving"
+    if second == STAND and fits_beside(first, second):
+        return _joined(one, other)
+    if fits_beside(second, first):
+        return _beside(one, other, model)
+    return _beside(other, one, model) if fits_beside(first, second) else None
+
+
+def _kind(clause: Clause, model: Model) -> str | None:
+    """Kind of motion that a request asks for; None where it asks for none that is known."""
+    if clause.asks is not Asks.MOTION or clause.forbidden or clause.refusal is not None or not clause.text:
+        return None
+    heard = model.prompt(clause.text)
+    return heard.kind if heard.known and heard.warning is None else None
+
+
+def _beside(main: Clause, gesture: Clause, model: Model) -> Clause:
+    """A motion with a gesture that lasts as long: where only the gesture has an end, for the time that it takes."""
+    joined = replace(_joined(main, gesture), beside=without_amount(gesture))
+    if gesture.amount is None and not gesture.counted:
+        return joined
+    rhythm = model.rhythm(Condition(gesture.text, tempo=gesture.speed))
+    each = GESTURE_S * gesture.times if rhythm is None else rhythm.seconds(gesture.times)
+    amount = gesture.amount or Amount(each, "time", amount_of(gesture))
+    if main.amount is not None or main.counted or amount.quantity != "time":
+        return replace(joined, dropped=(*joined.dropped, f"{gesture.text} {amount.said}"))
+    note = () if gesture.amount is not None else (f"{amount.said!r} is taken as {amount.value:.3g} s of both",)
+    return replace(joined, amount=amount, notes=(*joined.notes, *note))
+
+
+def _joined(main: Clause, other: Clause) -> Clause:
+    """The first request with what is told of both."""
+    dropped, notes = (*main.dropped, *other.dropped), (*main.notes, *other.notes)
+    return replace(main, said=f"{main.said} {other.said}", dropped=dropped, notes=notes)

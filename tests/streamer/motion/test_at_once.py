@@ -1,0 +1,163 @@
+"""Two motions at the same time: a gesture of free arms or of the head beside another motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.robot import load_robot
+from flexmotion.human.kinematics import forward
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.hearing import Hearing
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.programs import Program
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.targets import Target
+
+
+@pytest.fixture(scope="module")
+def sampler(bundle: Path) -> Sampler:
+    return Sampler(Bundle(bundle))
+
+
+@pytest.fixture(scope="module")
+def hearing(sampler: Sampler) -> Hearing:
+    return Hearing(sampler, human_pace(load_robot("op3"), sampler.body))
+
+
+def hear(hearing: Hearing, say: str, after: str | None = None) -> Program:
+    before = None if after is None else hearing(Text(after))
+    return hearing(Text(say), before, before)
+
+
+def motions(program: Program) -> list[str]:
+    return [step.told.motion for step in program.steps]
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("walk while waving", ["walk with wave-right-hand"]),
+        ("wave with your left hand while walking backwards", ["walk-back with wave-left-hand"]),
+        ("while walking, wave", ["walk with wave-right-hand"]),
+        ("walk forward and nod at the same time", ["walk with nod"]),
+        ("walk, and at the same time nod", ["walk with nod"]),
+        ("turn left with your hands on your hips", ["walk-turn-left with hands-on-hips"]),
+        ("walk with raised hands, then bow", ["walk with raise-up-both-hands", "bow"]),
+        ("wave while nodding", ["wave-right-hand with nod"]),
+        ("wave while bowing", ["bow with wave-right-hand"]),
+        ("stand still while waving", ["wave-right-hand"]),
+        ("step to the left, nodding", ["walk-left with nod"]),
+    ],
+)
+def test_both_are_done(hearing: Hearing, say: str, does: list[str]) -> None:
+    """One of both was done, and the other told as left out."""
+    program = hear(hearing, say)
+    assert program.heard.state in ("accepted", "slowed") and motions(program) == does
+    assert program.heard.heard_as == ", ".join(does)
+
+
+@pytest.mark.parametrize(
+    ("say", "does", "dropped"),
+    [
+        ("walk while punching", "walk", "while punching"),
+        ("clap while waving", "clap", "while waving"),
+        ("walk while singing", "walk", "while singing"),
+        ("walk with your eyes closed", "walk", "with your eyes closed"),
+        ("walk with your knees bent", "walk", "with your knees bent"),
+        ("wave at me while i walk", "wave-right-hand", "while i walk"),
+        ("walk while she waves", "walk", "while she waves"),
+        ("stop walking while waving", "stand", "while waving"),
+        ("walk three metres while waving for two seconds", "walk with wave-right-hand", "wave two seconds"),
+    ],
+)
+def test_what_does_not_fit_is_told_as_left_out(hearing: Hearing, say: str, does: str, dropped: str) -> None:
+    program = hear(hearing, say)
+    assert program.heard.state == "partly" and motions(program) == [does]
+    assert dropped in program.heard.dropped
+
+
+def test_the_count_of_a_gesture_is_the_time_of_both(hearing: Hearing) -> None:
+    """A walk "while waving three times" would have gone on without an end."""
+    (step,) = hear(hearing, "wave three times while walking").steps
+    assert step.kind == "walk" and step.amount is not None and step.amount.quantity == "time"
+    (nods,) = hear(hearing, "walk while nodding twice").steps
+    assert nods.amount is not None and 1.0 < nods.amount.value < step.amount.value
+    (way,) = hear(hearing, "walk two metres while waving three times").steps
+    assert way.amount is not None and way.amount.quantity == "length"
+
+
+@pytest.mark.parametrize("say", ["stop waving", "don't wave", "no more waving", "lower your right hand"])
+def test_the_gesture_ends_and_the_walk_goes_on(hearing: Hearing, say: str) -> None:
+    """The robot stood."""
+    program = hear(hearing, say, after="walk while waving")
+    assert motions(program) == ["walk"] and program.heard.notes == ("walk goes on without it",)
+
+
+@pytest.mark.parametrize("say", ["stop", "stop walking", "halt", "don't move", "lower your arms"])
+def test_a_stop_is_one_whatever_is_under_way(hearing: Hearing, say: str) -> None:
+    assert motions(hear(hearing, say, after="walk while waving")) == ["stand"]
+
+
+def test_a_gesture_comes_to_what_is_under_way(hearing: Hearing) -> None:
+    """The walk ended."""
+    program = hear(hearing, "wave at the same time", after="walk slowly")
+    assert motions(program) == ["walk with wave-right-hand"] and isinstance(program.steps[0].intent, Velocity)
+    counted = hear(hearing, "meanwhile nod twice", after="walk")
+    assert motions(counted) == ["walk with nod"] and counted.heard.dropped == ("2 times",)
+
+
+@pytest.mark.parametrize("say", ["slower", "like an old man", "the other way", "again"])
+def test_a_gesture_outlives_changes_of_the_walk(hearing: Hearing, say: str) -> None:
+    program = hear(hearing, say, after="walk while waving")
+    assert program.heard.state != "refused" and program.steps[0].told.beside == "wave-right-hand"
+    assert program.steps[0].beside is not None
+
+
+def test_a_measured_turn_is_led_with_its_gesture(hearing: Hearing) -> None:
+    (step,) = hear(hearing, "turn left 90 degrees while waving").steps
+    assert step.is_led and isinstance(step.begins, Text) and step.begins.beside == step.beside is not None
+
+
+def test_the_human_walks_and_waves(sampler: Sampler) -> None:
+    """From the words to the motion: as far as without the wave, one hand up and moving, the other arm swinging."""
+
+    def made(words: str) -> tuple[float, np.ndarray]:
+        motion = ModelSource(sampler, [Item(0.0, Text(words))], words, 1).window(0, round(4.0 * sampler.fps))
+        assert motion is not None
+        human = forward(motion)
+        up = human.wrist[..., 2] - human.shoulder[..., 2]
+        return float(np.hypot(*(motion.root_position[-1, :2] - motion.root_position[0, :2]))), up
+
+    (plain, _), (way, up) = made("walk"), made("walk while waving with your left hand")
+    assert way == pytest.approx(plain, rel=0.15)
+    left, right = up[round(1.5 * sampler.fps) :].T
+    assert left.min() > -0.1 and np.ptp(left) > 0.02, "the left hand waves"
+    assert right.max() < -0.2, "the right one does not"
+
+
+def test_a_gesture_goes_on_where_the_walk_changes(sampler: Sampler) -> None:
+    """It would have begun anew, from a hanging arm, with every "slower" and every new window."""
+    source = ModelSource(sampler, [Item(0.0, Text("walk with your right hand up"))], "walk", 1)
+    assert source.window(0, 60) is not None
+    played = source.sampled(30)
+    assert played is not None
+    source.turn_to(Target(1, 1, Text("slower")), 50, played[:21])
+    after = source.window(51, 30)
+    assert after is not None
+    human = forward(after)
+    assert (human.wrist[:, 1, 2] > human.shoulder[:, 1, 2]).all(), "the hand stays up"
+
+
+def test_the_same_seed_makes_the_same_motion(sampler: Sampler) -> None:
+    def made() -> np.ndarray:
+        motion = ModelSource(sampler, [Item(0.0, Text("walk while waving"))], "walk", 3).window(0, 60)
+        assert motion is not None
+        return motion.joints
+
+    np.testing.assert_array_equal(made(), made())
