@@ -212,7 +212,7 @@ class Heard(BaseModel):
 
     @property
     def _request(self) -> str:
-        return self.asked if self.heard_as == "velocity" else repr(self.asked)
+        return self.asked if str(self.heard_as).startswith("velocity") else repr(self.asked)
 
 
 def _step_text(step: HeardStep) -> str:

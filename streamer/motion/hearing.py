@@ -26,7 +26,7 @@ from flexmotion.streamer.motion.measured_steps import (
     measured,
     on_the_spot,
 )
-from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
+from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, VELOCITY, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.alarm import is_alarm
 from flexmotion.text.amounts import Amount
@@ -99,9 +99,12 @@ class Hearing:
             case Velocity(forward, left, turning):
                 asked = words_of(intent)
                 slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
-                heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
-                step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
-                return Program((step,), heard)
+                heard = Heard(asked=asked, state="slowed" if slowed else "accepted", slowed=slowed)
+                step = Step(intent, VELOCITY, None, (0, 0), 0, None, HeardStep(text=asked, heard_as=VELOCITY))
+                before = None if under_way is None else under_way.steps[0]
+                if before is not None and before.kind == VELOCITY and not step.is_still:
+                    step = step.with_beside_of(before)  # the next message of a stick ends no gesture
+                return Program((step,), heard.model_copy(update={"heard_as": step.told.motion}))
             case Clip(name) if self.seconds is not None:
                 seconds = self.seconds(intent)
                 told = HeardStep(text=name, heard_as="clip", amount=round(seconds, 3), unit="time")
@@ -286,7 +289,7 @@ class Hearing:
             which = "greatest" if clause.asks is Asks.FASTER else "smallest"
             kinds = ", ".join(dict.fromkeys(step.kind for step in under_way.steps))
             paced = any(
-                step.axis != (0, 0) or step.turn or step.kind == "velocity" or step.rhythm for step in under_way.steps
+                step.axis != (0, 0) or step.turn or step.kind == VELOCITY or step.rhythm for step in under_way.steps
             )
             reason = f"{kinds} is at its {which} speed already" if paced else f"{kinds} has one speed"
             heard = Heard(asked=sentence, state="refused", reason=f"{reason}; it goes on", certainty=1.0)
@@ -320,7 +323,7 @@ class Hearing:
             if clause.asks is not Asks.MOTION or clause.forbidden or dropped == clause.dropped:
                 return None
             gesture = self._single_motion(without_amount(clause), in_sequence=False)
-            if step.kind == STAND or not fits_beside(gesture.kind, step.kind):
+            if step.kind == STAND or not fits_beside(gesture.kind, WALK if step.kind == VELOCITY else step.kind):
                 return None
             changed, note = step.with_beside(gesture), f"{step.kind} goes on"
             dropped += () if clause.amount is None and not clause.counted else (amount_of(clause),)
@@ -486,7 +489,7 @@ class Hearing:
         walks = step.turn != 0 or step.axis != (0, 0)
         if walks and vocabulary().words("limbs") & set(clause.said.split()):
             raise RefusedError(f"{clause.said!r}: {step.kind} is not a motion of the hands")
-        ahead = step.kind == STAND or (not walks and clause.side in (BACK, FORWARD)) or step.kind == "velocity"
+        ahead = step.kind == STAND or (not walks and clause.side in (BACK, FORWARD)) or step.kind == VELOCITY
         if ahead or not isinstance(step.intent, Text | Velocity):
             raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         spot = step.turn != 0 and isinstance(step.intent, Velocity) and step.intent.forward == 0.0
@@ -494,9 +497,7 @@ class Hearing:
         asked = Clause(clause.said, with_side(step.told.text, clause.side), speed=tempo, on_the_spot=spot)
         mirrored = self._motion(asked, in_sequence=False)
         if step.beside is not None:
-            told = mirrored.told.model_copy(update={"beside": step.told.beside})
-            assert isinstance(mirrored.intent, Text | Velocity)
-            mirrored = replace(mirrored, intent=replace(mirrored.intent, beside=step.beside), told=told)
+            mirrored = mirrored.with_beside_of(step)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _lowering(self, clause: Clause, done: Sequence[Step]) -> Clause:

@@ -30,6 +30,9 @@ WALK_S, STAND_S, TURN_RAD = 4.0, 2.0, pi / 2
 NOT_SAID = "no amount said"
 """Words of an amount that the sentence did not say."""
 
+VELOCITY = "velocity"
+"""Kind of motion of a velocity that was sent as one."""
+
 GESTURE_S = 3.5
 """Time of one wave, one bow and so on: a window of the model before it and after it, and the motion [s]."""
 
@@ -92,6 +95,12 @@ class Step:
         told = self.told.model_copy(update={"beside": None if gesture is None else gesture.kind})
         return replace(self, intent=replace(self.intent, beside=asked), told=told)
 
+    def with_beside_of(self, other: Step) -> Step:
+        """The step with the gesture that is made beside another one, if there is one."""
+        assert isinstance(self.intent, Text | Velocity)
+        told = self.told.model_copy(update={"beside": other.told.beside})
+        return replace(self, intent=replace(self.intent, beside=other.beside), told=told)
+
     @property
     def begins(self) -> Intent:
         """What the human does as the step begins."""
@@ -103,7 +112,7 @@ class Step:
         still = isinstance(self.intent, Velocity) and not any(
             (self.intent.forward, self.intent.left, self.intent.turning)
         )
-        velocity = self.kind == "velocity" and not still
+        velocity = self.kind == VELOCITY and not still
         return self.turn != 0 or self.axis != (0, 0) or velocity or self.goal is not None
 
 

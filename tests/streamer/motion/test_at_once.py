@@ -119,6 +119,19 @@ def test_a_gesture_outlives_changes_of_the_walk(hearing: Hearing, say: str) -> N
     assert program.steps[0].beside is not None
 
 
+def test_a_stick_goes_on_beside_a_gesture_until_that_ends(hearing: Hearing) -> None:
+    """A wave ended the walk of a stick, and the stick's next message, a tenth of a second later, the wave."""
+    stick = hearing(Velocity(0.4, 0.0, 0.0))
+    waves = hearing(Text("wave at the same time"), stick, stick)
+    assert motions(waves) == ["velocity with wave-right-hand"]
+    turns = hearing(Velocity(0.4, 0.0, 0.2), waves, waves)
+    assert motions(turns) == [turns.heard.heard_as] == ["velocity with wave-right-hand"]
+    assert turns.steps[0].beside == waves.steps[0].beside is not None
+    assert motions(hearing(Velocity(0.0, 0.0, 0.0), turns, turns)) == ["velocity"], "a stick at rest is a stand"
+    assert motions(hearing(Text("stop waving"), turns, turns)) == ["velocity"]
+    assert motions(hearing(Velocity(0.4, 0.0, 0.0), hear(hearing, "walk while waving"), None)) == ["velocity"]
+
+
 def test_a_measured_turn_is_led_with_its_gesture(hearing: Hearing) -> None:
     (step,) = hear(hearing, "turn left 90 degrees while waving").steps
     assert step.is_led and isinstance(step.begins, Text) and step.begins.beside == step.beside is not None
