@@ -21,9 +21,10 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
     """
     known = vocabulary()
     stepped = any(isinstance(token, Amount) and token.quantity == "steps" for token in tokens)
-    takes = stepped and tokens[0] in ("take", "make", "do")
+    takes = stepped and (tokens[0] in ("take", "make", "do") or isinstance(tokens[0], Amount))
     waves = tokens[:1] == ["wave"]
-    if not tokens or not (takes or waves or tokens[0] in known.words("paths") | known.words("postured")):
+    own = known.words("paths") | known.words("postured") | known.words("backing")
+    if not tokens or not (takes or waves or tokens[0] in own):
         return tokens, None
     legs = known.table["limb_groups"]["leg"] if tokens[0] == "step" or stepped else []
     for place in range(1, len(tokens)):
@@ -79,11 +80,12 @@ def _end(tokens: list[Token], start: int) -> int:
         if phrase := begins(tokens, place, known.phrases("posture_places")):
             posed, whole = True, place + len(phrase.split())
             continue
-        if not isinstance(token, str):
+        if not isinstance(token, str) or token.startswith(STAND_IN):
             return place
-        named = posed and tokens[place - 1] in known.words("limb_owners")  # "behind your back"
-        if _poses(token):
-            posed = True
+        turned = tokens[place - 1] in known.words("turned")
+        named = posed and (turned or tokens[place - 1] in known.words("limb_owners"))  # "behind your back"
+        if _poses(token) or (turned and token in ("to", "towards")):
+            posed = True  # "turned to the left"
         elif token in known.words("directions") and not named:
             return place if posed else start
         elif posed and (token in known.table["speeds"] or begins(tokens, place, known.phrases("little"))):

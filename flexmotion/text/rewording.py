@@ -22,6 +22,14 @@ _NOT_UNTIL = re.compile(
 )
 
 
+_POSTURE_FIRST = re.compile(
+    r"\s*(?:with )?(?P<posture>(?:(?:your|the|both|two|one|right|left) )*(?:hands?|arms?|head)"
+    r" (?:(?:on|up|out|down|behind|in|over|above|raised|stretched|spread|held|turned|tilted)\b)[^,.;!]*?)"
+    r"(?:,(?: and)?| and) (?P<rest>(?P<verb>[a-z]+)\b.*)",
+    re.IGNORECASE | re.DOTALL,
+)
+
+
 def reworded(sentence: str) -> str:
     """The sentence in the grammar's own words: "at most" for "no more than", "please" for "would you mind".
 
@@ -34,6 +42,8 @@ def reworded(sentence: str) -> str:
     if _ENUMERATED.match(found):
         found = _ITEM.sub(" , then ", found).lstrip(" ,")
     found = _NOT_UNTIL.sub(_after_motion, found)
+    if (match := _POSTURE_FIRST.fullmatch(found)) and stem(match["verb"].lower()) in vocabulary().words("paths"):
+        found = f"keep {match['posture']} and {match['rest']}"  # "hands on hips, turn left"
     for pattern, same in _patterns():
         found = pattern.sub(same, found)
     return sentence if found == text else " ".join(found.split())

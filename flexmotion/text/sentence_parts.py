@@ -241,13 +241,14 @@ def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
     known = vocabulary()
     asked = place > 0 and tokens[place - 1] not in ("and", "without") and before[:1] != ["stop"]
     gesture = asked and begins(tokens, place, known.phrases("gesturing")) is not None
-    if not (gesture or tokens[place] in known.words("doing")) or not any(_moves(one) for one in before):
+    moves = any(_moves(one) or (gesture and _is_of_feet(one)) for one in before)  # "90 right nodding"
+    if not (gesture or tokens[place] in known.words("doing")) or not moves:
         return 0
     end = _next_joint(tokens, place)
     for index in range(place + 1, end):
         token = tokens[index]
         if gesture:
-            ends = isinstance(token, Amount) and token.quantity != "times"
+            ends = _is_of_feet(token) or (isinstance(token, Amount) and token.quantity == "time")
         else:
             named = index + 1 < end and tokens[index + 1] in body_parts()  # "in your left hand"
             ends = isinstance(token, Amount) or (token in known.words("directions") and not named)
@@ -257,6 +258,11 @@ def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
                 end -= 1
             break
     return end
+
+
+def _is_of_feet(token: Token) -> bool:
+    """Whether a token is an amount of a walk or a turn."""
+    return isinstance(token, Amount) and token.quantity not in ("times", "time")
 
 
 def _moves(token: Token) -> bool:

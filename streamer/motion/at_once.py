@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from flexmotion.text.grammar import parse
 from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.meanwhile import at_once, is_posture, meanwhile
 from flexmotion.text.phrases import STAND, is_pose, limbs
+from flexmotion.text.refusals import is_no_stand
 from flexmotion.text.sentence_parts import NEGATES
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
@@ -23,7 +25,16 @@ SURE = 0.8
 """Least share of a kind in what the listener hears in words of a posture: "with your eyes closed" is none."""
 
 
-def together(clauses: Sequence[Clause], model: Model) -> list[Clause]:
+_ENDS = re.compile(r"\b(?:stop|quit|cease|halt|finish|end|enough)(?: with| of)?(?: the| your| that)? (?P<rest>.+)$")
+"""Words that end a gesture."""
+_AT_ONCE = re.compile(r"(?: (?:now|please|any ?more|again|already|at once|immediately|right now|then))+$")
+_LOWERS = re.compile(
+    r"^(?:please )?(?:lower|drop|put down|take down) (?:your |the )?(?:hands?|arms?)(?: (?:down|again|now|please))*$"
+)
+"""Words that lower all arms that are raised."""
+
+
+def together(clauses: Sequence[Clause], model: Model) -> tuple[Clause, ...]:
     """The requests, in their order, with a gesture of free arms or of the head beside another motion in one.
 
     What does not fit together stays as it was: one after the other, or left out.
@@ -34,22 +45,28 @@ def together(clauses: Sequence[Clause], model: Model) -> list[Clause]:
     """
     found: list[Clause] = []
     for clause in clauses:
-        said = [phrase for one in (*found[-1:], clause) for phrase in one.dropped if at_once(phrase)]
+        said = any(at_once(phrase) for one in (*found[-1:], clause) for phrase in one.dropped)
+        said = said or (bool(found) and clause.joint != "then" and _is_kept(found[-1], model))
         both = _both(found[-1], clause, model) if said and found else None
         if both is not None:
             found[-1] = _told(both)
         else:
             found.append(clause)
-    return [_with_phrases(clause, model) for clause in found]
+    return tuple(_with_phrases(clause, model) for clause in found)
 
 
 def ends_gesture(clause: Clause, kind: str, model: Model) -> bool:
     """Whether a request asks for the end of a kind of gesture, which is made beside something else: "stop waving"."""
-    words = clause.text.split()
+    if clause.asks is not Asks.MOTION or clause.refusal is not None:
+        return False
+    arms = "arm" in (limbs(kind) or ())
     if lowered := lowered_arm(clause.text):
-        return "arm" in (limbs(kind) or ()) and (not sides(kind) or lowered[0] in sides(kind))
-    stops = words[:1] != [] and words[0] in vocabulary().words("stop_verbs")
-    rest = " ".join(words[1:]) if stops else NEGATES.sub(" ", clause.text).strip() if clause.forbidden else ""
+        return arms and lowered[0] in sides(kind)
+    if _LOWERS.search(clause.text):
+        return arms
+    ends = _ENDS.search(clause.text)
+    rest = ends["rest"] if ends else NEGATES.sub(" ", clause.text).strip() if clause.forbidden else ""
+    rest = _AT_ONCE.sub("", rest).strip()
     return bool(rest) and model.prompt(rest).kind == kind
 
 
@@ -68,28 +85,35 @@ def _told(clause: Clause) -> Clause:
     return replace(clause, dropped=tuple(one for one in clause.dropped if not at_once(one)))
 
 
+def _is_kept(clause: Clause, model: Model) -> bool:
+    """Whether a request is of a posture that is kept in what follows: "keep your hands up and walk"."""
+    heard = model.prompt(clause.text) if is_posture(clause.text) and clause.refusal is None else None
+    return heard is not None and heard.known and heard.warning is None and is_pose(heard.kind)
+
+
 def _with_phrases(clause: Clause, model: Model) -> Clause:
-    """A request with the gesture that one of its phrases asks for."""
+    """A request with the gesture that one of its phrases asks for; of several gestures, with the first."""
     for phrase in clause.dropped:
-        words = meanwhile(phrase)
-        asked = () if words is None else parse(words)
+        words, _, others = (meanwhile(phrase) or "").partition(" and ")
+        asked = parse(words) if words else ()
         if len(asked) != 1:
             continue
-        other = asked[0]
+        other = asked[0] if not others else replace(asked[0], dropped=(*asked[0].dropped, others))
         if is_posture(phrase):
             heard = model.prompt(other.text)
             if not (is_pose(heard.kind) and heard.share >= SURE):
                 continue
         both = _both(clause, replace(other, joint=clause.joint), model)
         if both is not None:
-            return _told(replace(both, said=clause.said, dropped=tuple(one for one in both.dropped if one != phrase)))
+            said = f"{clause.said} {phrase}" if phrase not in clause.said else clause.said
+            return _told(replace(both, said=said, dropped=tuple(one for one in both.dropped if one != phrase)))
     return clause
 
 
 def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
     """Two requests as one; None where they do not fit together."""
     kinds = [_kind(clause, model) for clause in (one, other)]
-    if None in kinds or one.beside is not None:
+    if None in kinds or one.beside is not None or other.beside is not None:
         return None
     first, second = map(str, kinds)
     if one.text.split()[0] in vocabulary().words("stop_verbs"):
@@ -108,7 +132,8 @@ def _kind(clause: Clause, model: Model) -> str | None:
     if clause.asks is not Asks.MOTION or clause.forbidden or clause.refusal is not None or not clause.text:
         return None
     heard = model.prompt(clause.text)
-    return heard.kind if heard.known and heard.warning is None else None
+    known = heard.known and heard.warning is None
+    return heard.kind if known and not (heard.kind == STAND and is_no_stand(clause.text)) else None
 
 
 def _beside(main: Clause, gesture: Clause, model: Model) -> Clause:

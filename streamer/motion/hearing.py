@@ -10,12 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import log
 
-from flexmotion.sampling.beside import fits_beside
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
-from flexmotion.streamer.motion.at_once import amount_of, ends_gesture, together, without_amount
+from flexmotion.streamer.motion.at_once import ends_gesture, together
+from flexmotion.streamer.motion.gesture_change import Change, gesture_change
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
 from flexmotion.streamer.motion.measured_steps import (
@@ -37,7 +38,6 @@ from flexmotion.text.grammar import parse, whole
 from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
-from flexmotion.text.meanwhile import at_once
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.phrases import BOTH_UP, STAND, WALK, limbs, moves_head
 from flexmotion.text.postures import moves_along
@@ -122,15 +122,15 @@ class Hearing:
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
         if (way := manner_alone(sentence)) is not None:
             return self._in_manner(sentence, way, under_way)
-        clauses = self._requests(sentence)
+        parsed = together(parse(sentence), self.model)
+        clauses = self._requests(sentence, parsed)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
         try:
-            if len(clauses) == 1 and (changed := self._with_gesture(sentence, clauses[0], under_way)) is not None:
-                return changed
-            wanted = together(self._without_forbidden(sentence, clauses), self.model)
-            dropped = tuple(part for clause in (*wanted, *_forbidden(clauses)) for part in clause.dropped)
-            notes = tuple(note for clause in (*wanted, *_forbidden(clauses)) for note in clause.notes)
+            change = gesture_change(parsed, under_way, partial(self._single_motion, in_sequence=False), self.model)
+            if change is not None and under_way is not None:
+                return self._with_gesture(sentence, change, under_way)
+            wanted = self._without_forbidden(sentence, clauses)
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
@@ -138,6 +138,8 @@ class Hearing:
             for clause in wanted:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
+                if steps and (gesture := steps[-1].told.beside) and ends_gesture(clause, gesture, self.model):
+                    continue  # "walk a metre while waving, then stop waving and walk on": the next step has none
                 steps += self._steps(clause, several, steps, under_way, last)
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
@@ -160,10 +162,16 @@ class Hearing:
             heard = Heard(asked=sentence, state="accepted", heard_as=STAND, certainty=1.0, reason=reason)
             return Program(tuple(steps), heard.model_copy(update={"steps": (steps[0].told,)}))
         for clause in wanted:
-            asks = clause.asks is Asks.MOTION and clause.text
-            dropped += self.model.prompt(clause.text).dropped if asks else ()
+            for one in (clause, clause.beside):
+                heard_words = "" if one is None or one.asks is not Asks.MOTION else one.text
+                dropped += self.model.prompt(heard_words).dropped if heard_words else ()
         for clause, step in zip(wanted, steps, strict=False):
             dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause, step))))
+            if clause.beside is not None:
+                gesture_step = self._single_motion(clause.beside, in_sequence=False)
+                dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause.beside, gesture_step))))
+                manner = gesture_step.told.manner
+                notes += () if manner is None else (f"{gesture_step.kind}: {manner}",)
         if not any(step.turn or step.axis != (0, 0) for step in steps):
             notes = tuple(note for note in notes if not note.startswith(UNSEEN))  # "come here and shake my hand"
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
@@ -181,12 +189,11 @@ class Hearing:
         )
         return Program(tuple(steps), heard)
 
-    def _requests(self, sentence: str) -> tuple[Clause, ...]:
+    def _requests(self, sentence: str, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
         """The requests of a sentence; a sentence whose parts only qualify each other is one, for the listener.
 
         "Step to the left, keep facing me": no motion is known for the second part, and no order is said.
         """
-        clauses = parse(sentence)
         if len(clauses) < 2 or any(clause.joint == "then" or clause.forbidden for clause in clauses):
             return clauses
         qualifiers = vocabulary().phrases("qualifiers")
@@ -260,8 +267,8 @@ class Hearing:
             forbidden.append((prompt.kind, clause.text))
         for clause in wanted:
             if clause.asks is Asks.MOTION and clause.refusal is None:
-                kind = self.model.prompt(clause.text).kind
-                if any(_covers(one, text, kind) for one, text in forbidden):
+                asked = [one.text for one in (clause, clause.beside) if one is not None]
+                if any(_covers(one, text, self.model.prompt(own).kind) for one, text in forbidden for own in asked):
                     raise RefusedError(f"{clause.said!r} is asked for and forbidden in one sentence")
             elif clause.asks is not Asks.MOTION and forbidden:
                 raise RefusedError(f"{clause.said!r} could mean what the sentence forbids")
@@ -307,37 +314,20 @@ class Hearing:
         )
         return Program(tuple(steps), heard, under_way.number)
 
-    def _with_gesture(self, sentence: str, clause: Clause, under_way: Program | None) -> Program | None:
-        """What is under way without the gesture that is made beside it, or with one; None where that is not asked.
-
-        "Stop waving" ends no walk, and "wave at the same time" none either.
-        """
-        if under_way is None or not under_way.is_open or clause.refusal is not None:
-            return None
-        (step,) = under_way.steps
-        kind = step.told.beside
-        if kind is not None and ends_gesture(clause, kind, self.model):
-            changed, note, dropped = step.with_beside(None), f"{step.kind} goes on without it", clause.dropped
-        else:
-            dropped = tuple(phrase for phrase in clause.dropped if not at_once(phrase))
-            if clause.asks is not Asks.MOTION or clause.forbidden or dropped == clause.dropped:
-                return None
-            gesture = self._single_motion(without_amount(clause), in_sequence=False)
-            if step.kind == STAND or not fits_beside(gesture.kind, WALK if step.kind == VELOCITY else step.kind):
-                return None
-            changed, note = step.with_beside(gesture), f"{step.kind} goes on"
-            dropped += () if clause.amount is None and not clause.counted else (amount_of(clause),)
+    def _with_gesture(self, sentence: str, change: Change, under_way: Program) -> Program:
+        """What is under way with the gesture that it has from now on."""
+        step, note, dropped = change
         heard = Heard(
             asked=sentence,
             state="partly" if dropped else "accepted",
-            heard_as=changed.told.motion,
-            manner=_manners([changed]),
+            heard_as=step.told.motion,
+            manner=_manners([step]),
             certainty=1.0,
             dropped=dropped,
             notes=(note,),
-            steps=(changed.told,),
+            steps=(step.told,),
         )
-        return Program((changed,), heard, under_way.number)
+        return Program((step,), heard, under_way.number)
 
     def _in_manner(self, sentence: str, way: str, under_way: Program | None) -> Program:
         """What is under way in another manner, which goes on where it is.
@@ -431,7 +421,10 @@ class Hearing:
             before[-1] = changed
             return []
         clause = self._lowering(clause, before or ([] if under_way is None else list(under_way.steps)))
-        return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
+        step = self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)
+        if clause.verbless and under_way is not None and not before and step.kind == under_way.steps[-1].kind:
+            step = step.with_beside_of(under_way.steps[-1])  # "for two metres"
+        return [step]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
         """For "repeat the turn": the last step of that motion; a gesture can be done without one before."""
@@ -612,10 +605,6 @@ class Hearing:
 def _kinds(steps: Sequence[Step]) -> str:
     """Kinds of motion of the steps, with the gestures that are made meanwhile."""
     return ", ".join(step.told.motion for step in steps)
-
-
-def _forbidden(clauses: Sequence[Clause]) -> list[Clause]:
-    return [clause for clause in clauses if clause.forbidden]
 
 
 def _manners(steps: Sequence[Step]) -> str | None:

@@ -92,14 +92,34 @@ def test_the_count_of_a_gesture_is_the_time_of_both(hearing: Hearing) -> None:
     assert way.amount is not None and way.amount.quantity == "length"
 
 
-@pytest.mark.parametrize("say", ["stop waving", "don't wave", "no more waving", "lower your right hand"])
+@pytest.mark.parametrize(
+    "say",
+    [
+        *(
+            "stop waving",
+            "don't wave",
+            "no more waving",
+            "please stop waving",
+            "ok stop waving now",
+            "you can stop waving",
+        ),
+        *(
+            "quit waving",
+            "enough waving",
+            "don't wave anymore",
+            "stop waving, keep walking",
+            "keep walking but stop waving",
+        ),
+        *("lower your right hand", "lower your hand", "lower your arms"),
+    ],
+)
 def test_the_gesture_ends_and_the_walk_goes_on(hearing: Hearing, say: str) -> None:
     """The robot stood."""
     program = hear(hearing, say, after="walk while waving")
     assert motions(program) == ["walk"] and program.heard.notes == ("walk goes on without it",)
 
 
-@pytest.mark.parametrize("say", ["stop", "stop walking", "halt", "don't move", "lower your arms"])
+@pytest.mark.parametrize("say", ["stop", "stop walking", "halt", "don't move", "stand still"])
 def test_a_stop_is_one_whatever_is_under_way(hearing: Hearing, say: str) -> None:
     assert motions(hear(hearing, say, after="walk while waving")) == ["stand"]
 
@@ -110,6 +130,111 @@ def test_a_gesture_comes_to_what_is_under_way(hearing: Hearing) -> None:
     assert motions(program) == ["walk with wave-right-hand"] and isinstance(program.steps[0].intent, Velocity)
     counted = hear(hearing, "meanwhile nod twice", after="walk")
     assert motions(counted) == ["walk with nod"] and counted.heard.dropped == ("2 times",)
+
+
+@pytest.mark.parametrize(
+    ("say", "reason"),
+    [
+        ("wave while walking, don't walk", "asked for and forbidden"),
+        ("don't walk but wave while walking", "asked for and forbidden"),
+        ("wave while walking, don't move your feet", "asked for and forbidden"),
+        ("nod while turning left, don't turn", "asked for and forbidden"),
+        ("walk while waving, don't wave", "asked for and forbidden"),
+        ("walk with raised hands, don't raise your hands", "asked for and forbidden"),
+        ("turn while waving", "to the left or to the right"),
+        ("turn on the spot with your hands up", "is not understood"),
+        ("sit down while waving", "is not understood"),
+    ],
+)
+def test_what_is_forbidden_or_not_known_is_so_at_the_same_time_too(hearing: Hearing, say: str, reason: str) -> None:
+    """A walk in "while walking" was done though it was forbidden, and "sit down while waving" only waved."""
+    heard = hear(hearing, say).heard
+    assert heard.state == "refused" and reason in str(heard.reason)
+
+
+@pytest.mark.parametrize("say", ["don't walk, wave while turning left", "wave while turning left, do not walk"])
+def test_a_turn_without_walking_is_one_on_the_spot_beside_a_gesture_too(hearing: Hearing, say: str) -> None:
+    (step,) = hear(hearing, say).steps
+    assert isinstance(step.intent, Velocity) and step.intent.forward == 0.0 < step.intent.turning
+    assert step.told.beside == "wave-right-hand"
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("keep your hands up and walk", ["walk with raise-up-both-hands"]),
+        ("hands on hips, turn left, then bow", ["walk-turn-left with hands-on-hips", "bow"]),
+        ("with your hands on your hips, turn left 90 degrees", ["walk-turn-left with hands-on-hips"]),
+        ("one step back with hands up", ["walk-back with raise-up-both-hands"]),
+        ("back away with your hands up", ["walk-back with raise-up-both-hands"]),
+        (
+            "turn 90 degrees left waving then 90 right nodding",
+            ["walk-turn-left with wave-right-hand", "walk-turn-right with nod"],
+        ),
+        ("walk a metre while waving, then stop waving and walk a metre", ["walk with wave-right-hand", "walk"]),
+        ("raise your hand and walk", ["raise-up-right-hand", "walk"]),
+        ("with your left hand, wave", ["wave-left-hand"]),
+    ],
+)
+def test_no_half_of_a_sentence_is_lost(hearing: Hearing, say: str, does: list[str]) -> None:
+    """Only the hands, or only the feet, of these were moved, and nothing was told."""
+    assert motions(hear(hearing, say)) == does
+
+
+@pytest.mark.parametrize(
+    ("say", "dropped"),
+    [
+        ("walk while waving slowly", "slowly"),
+        ("walk while waving like a child", "like a child"),
+        ("walk nodding and waving", "waving"),
+        ("walk with your head turned to the left", "with your head turned to the left"),  # walked to the left
+    ],
+)
+def test_how_a_gesture_is_not_made_is_told(hearing: Hearing, say: str, dropped: str) -> None:
+    heard = hear(hearing, say).heard
+    assert heard.state == "partly" and heard.dropped == (dropped,) and str(heard.heard_as).startswith("walk")
+
+
+def test_a_manner_behind_a_posture_is_that_of_the_walk(hearing: Hearing) -> None:
+    """It was taken for a part of the posture, and lost."""
+    heard = hear(hearing, "walk with your hands on your hips like an old man").heard
+    assert heard.manner == "old" and heard.heard_as == "walk with hands-on-hips"
+
+
+@pytest.mark.parametrize("say", ["keep waving", "don't stop waving", "keep walking", "don't stop walking", "go on"])
+def test_what_goes_on_goes_on_whole(hearing: Hearing, say: str) -> None:
+    """The walk ended, or the wave."""
+    assert motions(hear(hearing, say, after="walk while waving")) == ["walk with wave-right-hand"]
+
+
+@pytest.mark.parametrize("say", ["for two metres", "ten steps", "for three seconds"])
+def test_an_amount_that_comes_later_is_of_both(hearing: Hearing, say: str) -> None:
+    (step,) = hear(hearing, say, after="walk while waving").steps
+    assert step.amount is not None and step.told.beside == "wave-right-hand" and step.beside is not None
+
+
+def test_one_hand_is_lowered_and_the_other_stays(hearing: Hearing) -> None:
+    """Both hands came down."""
+    assert motions(hear(hearing, "lower your left hand", after="walk with raised hands")) == [
+        "walk with raise-up-right-hand"
+    ]
+    heard = hear(hearing, "lower your left hand", after="walk while waving").heard
+    assert heard.state == "refused" and "does not raise the left hand; it goes on" in str(heard.reason)
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("the other hand", "walk with wave-left-hand"),
+        ("nod at the same time", "walk with nod"),
+        ("also nod", "walk with nod"),
+        ("nod as well", "walk with nod"),
+        ("with raised hands", "walk with raise-up-both-hands"),
+    ],
+)
+def test_the_gesture_changes_and_the_walk_goes_on(hearing: Hearing, say: str, does: str) -> None:
+    """The walk ended."""
+    assert motions(hear(hearing, say, after="walk while waving")) == [does]
 
 
 @pytest.mark.parametrize("say", ["slower", "like an old man", "the other way", "again"])
