@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from flexmotion.human.motion import Motion
 from flexmotion.sampling.beside import Beside, columns_of
 from flexmotion.sampling.led_path import KNOWN
 from flexmotion.streamer.motion.intents import Text
@@ -28,7 +31,26 @@ class GestureBeside:
 
     def window(self, first: int, frames: int) -> Beside:
         """What is made of it in a window of the other human, from frame `first` on."""
-        made = self._source.window(first - self.first - KNOWN, KNOWN + frames)
-        assert made is not None
+        made = self._made(first, frames)
         self._until = first + frames
         return Beside(made.joints, self._columns)
+
+    def held(self, standing: Motion, frame: int) -> Motion:
+        """It goes on at a frame after a rest, for whose time it has paused: what was not made then still comes.
+
+        Args:
+            standing: the other human up to the frame, who stands anew.
+
+        Returns:
+            The same, with the arms or the neck where the gesture goes on.
+        """
+        self.first += max(frame - self._until, 0)
+        self._until = max(frame, self._until)
+        joints = standing.joints.copy()
+        joints[:, self._columns] = self._made(frame, 0).joints[-1, self._columns]
+        return replace(standing, joints=joints)
+
+    def _made(self, first: int, frames: int) -> Motion:
+        made = self._source.window(first - self.first - KNOWN, KNOWN + frames)
+        assert made is not None
+        return made

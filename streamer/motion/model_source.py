@@ -204,10 +204,16 @@ class ModelSource:
     def change(self, intent: Intent, frame: int, played: Motion | None, yaw: float | None = None) -> None:
         """Follow another intent of the program from `frame` on; what the script has later stays.
 
+        After a rest of the robot the human stands anew, with arms or neck as in the gesture beside the last intent: the
+        robot has held its own. The gesture goes on from there where it is beside this intent too.
+
         Args:
             intent, frame, played, yaw: see `turn_to`.
         """
+        before = _gesture_of(self._intent_at(frame))
         self._replace_after(frame, played, yaw)
+        if played is None and self._gesture is not None and self._gesture.intent == before:
+            self._pieces = [self._gesture.held(concatenate(self._pieces), frame + 1)]
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
 
@@ -369,7 +375,7 @@ class ModelSource:
 
     def _beside(self, frame: int, intent: Intent | None) -> Beside | None:
         """What the window that begins at a frame shows of the gesture that is made meanwhile; None: there is none."""
-        gesture = intent.beside if isinstance(intent, Text | Velocity) else None
+        gesture = _gesture_of(intent)
         if gesture is None:
             return None
         if self._gesture is None or not self._gesture.goes_on(gesture, frame):
@@ -477,3 +483,8 @@ class ModelSource:
             case Velocity(forward, left, turning, manner, paced):
                 return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace if paced else None)
         return Condition()
+
+
+def _gesture_of(intent: Intent | None) -> Text | None:
+    """The gesture that is made beside an intent; None: there is none."""
+    return intent.beside if isinstance(intent, Text | Velocity) else None

@@ -326,11 +326,16 @@ class Replanner:
         if step is None or not target or (self._looked[0] == target and self._looked[1] is step):
             return
         self._looked = target, step
-        missing, perhaps = left_out(step.kind, self.parts.holding(target))
+        self._tell_left_out(step.kind, target)
+        if step.told.beside is not None:
+            self._tell_left_out(step.told.beside, target)
+
+    def _tell_left_out(self, kind: str, target: int) -> None:
+        missing, perhaps = left_out(kind, self.parts.holding(target))
         if not (missing or perhaps):
             return
         held = "; ".join(f"{part} held: let it go first (relax {part!r})" for part in (*missing, *perhaps))
-        note = f"{step.kind} without {', '.join(missing)}: {held}" if missing else held
+        note = f"{kind} without {', '.join(missing)}: {held}" if missing else held
         self.on_note(note)
         self.ledger.amend(target, lambda heard: heard.model_copy(update=_partly(heard, missing, note)))
 

@@ -117,7 +117,7 @@ class StepRunner:
         if self._coming is not None:
             return any(step.moves for step in self._coming.steps)
         program = self._program
-        if program is None or self._is_done(program):
+        if program is None or self._index == len(program.steps):
             return False
         return any(step.moves for step in program.steps[min(self._index, len(program.steps) - 1) :])
 
@@ -367,11 +367,23 @@ class StepRunner:
         if self._index < len(self._program.steps):
             step = self._program.steps[self._index]
             self._start(step, row, step.intent)
-        elif ended.moves or ended.stands or not is_raised(row, self.home):
-            self._phase, self.resting = _Phase.OVER, True
         else:
-            self._phase, self._at, self.wanted = _Phase.LOWER, self._fresh(row), STANDING
+            self._come_to_rest(ended, row)
         self._publish()
+
+    def _come_to_rest(self, ended: Step, row: TickRow) -> None:
+        """The last step has ended. Arms that a gesture has raised come down while the feet rest."""
+        raised = is_raised(row, self.home)
+        if raised and ended.stands and self._phase in (_Phase.SETTLE, _Phase.LOWER):
+            return  # it took no longer, and they still come down
+        if not raised or ended.stands or (ended.moves and ended.beside is None):
+            self._phase, self.resting = _Phase.OVER, True
+            return
+        self._at = self._fresh(row)
+        if self._walks(row):
+            self._settle(self._at, row)
+        else:
+            self._phase, self.wanted = _Phase.LOWER, STANDING
 
     def _publish(self) -> None:
         assert self._program is not None
@@ -446,11 +458,13 @@ class StepRunner:
 
     def _rest(self, step: Step, row: TickRow) -> None:
         """The robot stands; where its arms are raised, or a manner is asked for, the human stands too."""
-        self._phase = _Phase.OVER
-        if step.told.manner is not None:
+        assert self._program is not None
+        self._phase, over = _Phase.OVER, self._index == len(self._program.steps)
+        if step.told.manner is not None and not over:
             self.wanted = step.intent
         elif is_raised(row, self.home):
-            self._phase, self.wanted, self._at = _Phase.LOWER, step.intent, self._fresh(row)
+            asked = STANDING if over else step.intent
+            self._phase, self.wanted, self._at = _Phase.LOWER, asked, self._fresh(row)
 
     def _is_lowered(self, at: StepProgress, row: TickRow) -> bool:
         phase_s = (int(row.tick) - at.act_tick) / self.rate_hz

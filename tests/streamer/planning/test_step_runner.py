@@ -686,6 +686,61 @@ def test_arms_that_were_raised_while_it_walked_come_down_after_the_stop() -> Non
     assert robot.runner.resting and robot.asked == [STAND.intent]
 
 
+WAVING = Velocity(0.3, 0.0, 0.0, beside=Text("wave"))
+WALK_WAVING = step("walk", 1.0, "length", axis=(1, 0), intent=WAVING)
+TURN_WAVING = step("turn", math.pi / 2, "angle", turn=1, intent=replace(TURN.intent, beside=Text("wave")))
+TIME_WAVING = step("walk", 2.0, "time", axis=(1, 0), intent=WAVING)
+
+
+def with_a_raised_arm(*steps: Step) -> Robot:
+    robot = Robot((0, program(*steps)))
+    robot.runner.home = np.zeros(JOINTS)
+    robot.row.q[1] = 2.0
+    return robot
+
+
+@pytest.mark.parametrize(
+    ("last", "speeds"), [(WALK_WAVING, {"ahead": 0.5}), (TURN_WAVING, {"turn": 0.5}), (TIME_WAVING, {"ahead": 0.5})]
+)
+def test_an_arm_that_waved_on_the_way_stayed_up_after_it(last: Step, speeds: dict[str, float]) -> None:
+    """It stayed in mid-gesture without end after "turn left 90 degrees while waving", which was done."""
+    robot = with_a_raised_arm(last)
+    robot.run(7.0, **speeds)
+    assert robot.ends == ["done"] and robot.asked[-1] == STANDING and not robot.runner.travels
+    robot.row.q[1] = 0.0
+    robot.run(4.0)
+    assert robot.runner.resting and robot.asked.count(STANDING) == 1
+
+
+def test_an_arm_that_waved_on_the_way_comes_down_on_feet_that_rest() -> None:
+    """A human that is told to stand takes seconds, in which the robot steps on: it comes to its own stop before."""
+    robot = with_a_raised_arm(TIME_WAVING)
+    robot.row.contact_ref[0] = False
+    robot.run(2.02)
+    assert robot.ends == ["done"] and robot.runner.resting and STANDING not in robot.asked
+    robot.row.contact_ref[0] = True
+    robot.run(1.5)
+    assert robot.asked[-1] == STANDING
+
+
+def test_arms_of_a_walk_without_a_gesture_and_of_what_follows_one_are_left_alone() -> None:
+    plain = with_a_raised_arm(WALK)
+    plain.run(10.0, ahead=0.5)
+    assert plain.ends == ["done"] and plain.runner.resting and STANDING not in plain.asked
+    followed = with_a_raised_arm(WALK_WAVING, BOW)
+    followed.run(4.5, ahead=0.5)
+    assert followed.asked[-1] == BOW.intent and STANDING not in followed.asked
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.5])
+def test_an_arm_stayed_up_where_a_short_stand_ended_as_it_came_down(seconds: float) -> None:
+    stand = step("stand", seconds, "time", intent=STANDING)
+    robot = with_a_raised_arm(WALK_WAVING, stand)
+    robot.run(10.0, ahead=0.5)
+    assert robot.ends == ["done", "done"] and robot.asked[-1] == STANDING and robot.doing == STANDING
+    assert robot.runner.resting, "and after the longest time the robot rests"
+
+
 def test_a_heading_ends_where_the_robot_looks_there_by_its_own_measure() -> None:
     told = HeardStep(text="heading 90°", heard_as="heading")
     goal = Step(Text("stand still"), "heading", None, (0, 0), 0, None, told, Heading(math.pi / 2))

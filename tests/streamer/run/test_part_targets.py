@@ -88,6 +88,29 @@ def test_a_wave_with_a_hand_that_is_held_was_accepted_without_a_word(
     assert asked(live, wave).state == "accepted"
 
 
+@pytest.mark.parametrize(
+    ("held", "part", "words", "kind"),
+    [
+        ("right hand", Hand("right", (0.12, -0.12, 0.05), in_s=0.5), "walk while waving", "wave-right-hand"),
+        ("head", Look((1.0, -1.0, 0.0)), "walk while looking left", "look-left"),
+    ],
+)
+def test_a_gesture_beside_a_walk_whose_part_is_held_was_accepted_without_a_word(
+    live: Live, monkeypatch: pytest.MonkeyPatch, held: str, part: Intent, words: str, kind: str
+) -> None:
+    """The robot walked, and neither waved nor looked left."""
+    prompt = StubSampler.prompt
+
+    def heard(self: StubSampler, text: str) -> Any:
+        return replace(prompt(self, text), kind=kind if "wav" in text or "look" in text else "walk")
+
+    monkeypatch.setattr(StubSampler, "prompt", heard)
+    assert asked(live, part, 20.0).state in ("accepted", "slowed", "moved")
+    answer = asked(live, Text(words))
+    assert (answer.state, answer.heard_as, answer.dropped) == ("partly", f"walk with {kind}", (held,))
+    assert answer.notes == (f"{kind} without {held}: {held} held: let it go first (relax {held!r})",)
+
+
 def test_it_is_told_when_a_part_is_there_and_how_what_held_ended(live: Live) -> None:
     """A program could not wait for a hand, and nobody could see which parts were at places of their own."""
     first = asked(live, Hand("left", PLACE, in_s=1.0), holds_s=2.0)
