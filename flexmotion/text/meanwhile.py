@@ -33,6 +33,6 @@ def is_posture(phrase: str) -> bool:
     return begins(list(tokens_of(phrase)), 0, vocabulary().phrases("posture_opens")) is not None
 
 
-def at_once(phrase: str) -> bool:
+def says_at_once(phrase: str) -> bool:
     """Whether a phrase says that two requests are done at the same time."""
     return phrase in vocabulary().phrases("at_once")

@@ -11,7 +11,7 @@ from flexmotion.text.postures import body_parts
 from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.relative import asked_change
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped, taught
+from flexmotion.text.wording import STAND_IN, begins, opens_by_number, plain, stem, stripped, taught
 
 NEGATES = re.compile(
     r"""\b(?:do|does|did|must|need|should|would|could|may|can|will)\ not\b
@@ -239,8 +239,7 @@ def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
     pointing to the left").
     """
     known = vocabulary()
-    asked = place > 0 and tokens[place - 1] not in ("and", "without") and before[:1] != ["stop"]
-    gesture = asked and begins(tokens, place, known.phrases("gesturing")) is not None
+    gesture = begins(tokens, place, known.phrases("gesturing")) is not None and _goes_before(tokens, place)
     moves = any(_moves(one) or (gesture and _is_of_feet(one)) for one in before)  # "90 right nodding"
     if not (gesture or tokens[place] in known.words("doing")) or not moves:
         return 0
@@ -258,6 +257,16 @@ def _done_beside(tokens: list[Token], place: int, before: list[Token]) -> int:
                 end -= 1
             break
     return end
+
+
+def _goes_before(tokens: list[Token], place: int) -> bool:
+    """Whether who moves is who makes the gesture at a place: "walk on waving", not "walk past the people waving"."""
+    known, last = vocabulary(), tokens[place - 1] if place else ""
+    if not isinstance(last, str) or is_mark(last):
+        return place > 0
+    ways = known.words("directions") | known.words("backing") | set(known.table["speeds"]) | {"on", "around", "away"}
+    stops = known.words("stop_verbs") & {token for token in tokens[:place] if isinstance(token, str)}
+    return not stops and (_moves(last) or last in ways or last.startswith(STAND_IN) or last.endswith("ly"))
 
 
 def _is_of_feet(token: Token) -> bool:

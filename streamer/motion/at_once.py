@@ -14,20 +14,29 @@ from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import Asks, Clause
 from flexmotion.text.grammar import parse
 from flexmotion.text.limbs import lowered_arm
-from flexmotion.text.meanwhile import at_once, is_posture, meanwhile
-from flexmotion.text.phrases import STAND, is_pose, limbs
+from flexmotion.text.meanwhile import is_posture, meanwhile, says_at_once
+from flexmotion.text.phrases import STAND, is_pose, limbs, wordings
 from flexmotion.text.refusals import is_no_stand
 from flexmotion.text.sentence_parts import NEGATES
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import stem
 
 SURE = 0.8
-"""Least share of a kind in what the listener hears in words of a posture: "with your eyes closed" is none."""
+"""Least share of a kind in what the listener hears in a phrase: "with your eyes closed" is none of a gesture."""
 
 
-_ENDS = re.compile(r"\b(?:stop|quit|cease|halt|finish|end|enough)(?: with| of)?(?: the| your| that)? (?P<rest>.+)$")
+_ENDS = re.compile(r"^(?:[\w']+ ){0,3}?(?:stop|quit|cease|finish|end|enough)(?: the| your| that)? (?P<rest>.+)$")
 """Words that end a gesture."""
-_AT_ONCE = re.compile(r"(?: (?:now|please|any ?more|again|already|at once|immediately|right now|then))+$")
+_NOW = re.compile(r"(?: (?:now|please|any ?more|again|already|at once|immediately|right now|then))+$")
+_TO_WHOM = frozenset(
+    ["with", "at", "to", "your", "the", "that", "this", "me", "us", "them", "everyone", "hand", "hands", "arm", "arms"]
+)
+"""Words that may be said of a gesture beside those of its own wordings."""
+_OTHERS = frozenset(
+    ["him", "her", "them", "his", "their", "people", "someone", "somebody", "everyone", "i", "he", "she", "they", "we"]
+)
+"""Whose walk a walk may be."""
 _LOWERS = re.compile(
     r"^(?:please )?(?:lower|drop|put down|take down) (?:your |the )?(?:hands?|arms?)(?: (?:down|again|now|please))*$"
 )
@@ -44,10 +53,12 @@ def together(clauses: Sequence[Clause], model: Model) -> tuple[Clause, ...]:
         model: that hears them.
     """
     found: list[Clause] = []
-    for clause in clauses:
-        said = any(at_once(phrase) for one in (*found[-1:], clause) for phrase in one.dropped)
-        said = said or (bool(found) and clause.joint != "then" and _is_kept(found[-1], model))
-        both = _both(found[-1], clause, model) if said and found else None
+    for number, clause in enumerate(clauses):
+        # "At the same time" in front of a sentence is of its first two requests, else of the one that it is in.
+        telling = (clauses[0], clause) if number == 1 else (clause,)
+        joins = clause.joint != "then" and any(says_at_once(phrase) for one in telling for phrase in one.dropped)
+        joins = joins or (number > 0 and clause.joint != "then" and _is_kept(found[-1], model))
+        both = _both(found[-1], clause, model) if joins and found else None
         if both is not None:
             found[-1] = _told(both)
         else:
@@ -66,8 +77,13 @@ def ends_gesture(clause: Clause, kind: str, model: Model) -> bool:
         return arms
     ends = _ENDS.search(clause.text)
     rest = ends["rest"] if ends else NEGATES.sub(" ", clause.text).strip() if clause.forbidden else ""
-    rest = _AT_ONCE.sub("", rest).strip()
-    return bool(rest) and model.prompt(rest).kind == kind
+    words = _NOW.sub("", rest).removeprefix("more ").split()
+    # Whatever else is said may have meant more than the gesture: "stop waving and moving".
+    own = {stem(word) for wording in wordings(kind) for word in wording.split()} | _TO_WHOM
+    walks = vocabulary().words("walk_verbs") | vocabulary().words("turn_verbs")
+    own -= {"and", "or", "a", *walks}
+    only = words[:1] != [] and words[0] != "with" and {stem(word) for word in words} <= own
+    return only and model.prompt(" ".join(words)).kind == kind
 
 
 def without_amount(clause: Clause) -> Clause:
@@ -82,7 +98,7 @@ def amount_of(clause: Clause) -> str:
 
 def _told(clause: Clause) -> Clause:
     """A request of two motions, which are done at the same time as it says."""
-    return replace(clause, dropped=tuple(one for one in clause.dropped if not at_once(one)))
+    return replace(clause, dropped=tuple(one for one in clause.dropped if not says_at_once(one)))
 
 
 def _is_kept(clause: Clause, model: Model) -> bool:
@@ -99,15 +115,23 @@ def _with_phrases(clause: Clause, model: Model) -> Clause:
         if len(asked) != 1:
             continue
         other = asked[0] if not others else replace(asked[0], dropped=(*asked[0].dropped, others))
-        if is_posture(phrase):
-            heard = model.prompt(other.text)
-            if not (is_pose(heard.kind) and heard.share >= SURE):
-                continue
+        heard = model.prompt(other.text)
+        if heard.share < SURE or (is_posture(phrase) and not is_pose(heard.kind)):
+            continue
+        if limbs(heard.kind) == frozenset(["leg"]) and not _is_walk(other.text):
+            continue  # "wave while telling him to walk"
         both = _both(clause, replace(other, joint=clause.joint), model)
         if both is not None:
             said = f"{clause.said} {phrase}" if phrase not in clause.said else clause.said
             return _told(replace(both, said=said, dropped=tuple(one for one in both.dropped if one != phrase)))
     return clause
+
+
+def _is_walk(text: str) -> bool:
+    """Whether words ask the robot itself to walk, turn or squat: they begin with that, and name nobody else."""
+    known, words = vocabulary(), text.split()
+    own = known.words("paths") | known.words("walk_verbs") | known.words("turn_verbs") | known.words("single_motions")
+    return words[0] in own and not _OTHERS & set(words)
 
 
 def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
@@ -116,12 +140,14 @@ def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
     if None in kinds or one.beside is not None or other.beside is not None:
         return None
     first, second = map(str, kinds)
-    if one.text.split()[0] in vocabulary().words("stop_verbs"):
+    if vocabulary().words("stop_verbs") & {stem(word) for clause in (one, other) for word in clause.text.split()}:
         return None  # "stop walking while waving"
-    if first == STAND and fits_beside(second, first):
-        return _joined(other, one)  # "stand still while waving"
-    if second == STAND and fits_beside(first, second):
-        return _joined(one, other)
+    if STAND in (first, second):
+        # "Stand still while waving"; the end of the stand is that of both.
+        gesture, stand = (other, one) if first == STAND else (one, other)
+        if not fits_beside(second if first == STAND else first, STAND) or (stand.amount and gesture.amount):
+            return None
+        return replace(_joined(gesture, stand), amount=gesture.amount or stand.amount)
     if fits_beside(second, first):
         return _beside(one, other, model)
     return _beside(other, one, model) if fits_beside(first, second) else None

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
+from typing import Protocol
 
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.beside import Beside, columns_of
 from flexmotion.sampling.led_path import KNOWN
 from flexmotion.streamer.motion.intents import Text
-from flexmotion.streamer.motion.sources import Source
+
+
+class GestureSource(Protocol):
+    """Makes a gesture from its frame 0 on, before which its human stands; it has no end."""
+
+    def drawn(self, first: int, last: int) -> Motion:
+        """Frames from `first` to before `last`; the forces of the last ones may still change."""
+        ...
+
+    def forget(self, before: int) -> None:
+        """Drop frames before that one."""
+        ...
 
 
 class GestureBeside:
@@ -18,10 +31,10 @@ class GestureBeside:
         intent: the gesture.
         first: frame of the other human in which it begins.
         kind: of the gesture.
-        source: that makes the gesture from its frame 0 on, before which it stands; it has no end.
+        source: that makes it.
     """
 
-    def __init__(self, intent: Text, first: int, kind: str, source: Source) -> None:
+    def __init__(self, intent: Text, first: int, kind: str, source: GestureSource) -> None:
         self.intent, self.first, self._source, self._columns = intent, first, source, columns_of(kind)
         self._until = first
 
@@ -31,26 +44,27 @@ class GestureBeside:
 
     def window(self, first: int, frames: int) -> Beside:
         """What is made of it in a window of the other human, from frame `first` on."""
-        made = self._made(first, frames)
-        self._until = first + frames
-        return Beside(made.joints, self._columns)
+        joints = self._made(first, frames).joints
+        self._until = max(self._until, first + frames)
+        return Beside(joints, self._columns)
+
+    def after_rest(self, frame: int) -> GestureBeside:
+        """The gesture, which goes on at a frame after a rest, for whose time it has paused."""
+        later = copy.copy(self)
+        later.first += max(frame - self._until, 0)
+        later._until = max(frame, self._until)
+        return later
 
     def held(self, standing: Motion, frame: int) -> Motion:
-        """It goes on at a frame after a rest, for whose time it has paused: what was not made then still comes.
-
-        Args:
-            standing: the other human up to the frame, who stands anew.
-
-        Returns:
-            The same, with the arms or the neck where the gesture goes on.
-        """
-        self.first += max(frame - self._until, 0)
-        self._until = max(frame, self._until)
+        """The other human, who stands anew up to a frame, with the arms or the neck where the gesture goes on."""
         joints = standing.joints.copy()
         joints[:, self._columns] = self._made(frame, 0).joints[-1, self._columns]
         return replace(standing, joints=joints)
 
+    def forget(self, before: int) -> None:
+        """Frames of the other human before that one are asked for no more."""
+        self._source.forget(before - self.first - KNOWN)
+
     def _made(self, first: int, frames: int) -> Motion:
-        made = self._source.window(first - self.first - KNOWN, KNOWN + frames)
-        assert made is not None
-        return made
+        begin = first - self.first
+        return self._source.drawn(begin - KNOWN, begin + frames)

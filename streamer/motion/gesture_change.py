@@ -14,7 +14,7 @@ from flexmotion.streamer.motion.speeds import Model
 from flexmotion.text.clause import Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.limbs import lowered_arm
-from flexmotion.text.meanwhile import at_once, is_posture
+from flexmotion.text.meanwhile import is_posture, says_at_once
 from flexmotion.text.phrases import BOTH_UP, STAND, WALK, limbs
 from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.vocabulary import vocabulary
@@ -64,7 +64,7 @@ def gesture_change(
 
 def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step]) -> Change | None:
     """A gesture that comes to what is under way; None where the request does not say that it does."""
-    dropped = tuple(phrase for phrase in clause.dropped if not at_once(phrase))
+    dropped = tuple(phrase for phrase in clause.dropped if not says_at_once(phrase))
     also = _ALSO.match(clause.text)
     comes = dropped != clause.dropped or also is not None or is_posture(clause.text)
     if clause.asks is not Asks.MOTION or clause.forbidden or not comes:

@@ -213,6 +213,7 @@ class ModelSource:
         before = _gesture_of(self._intent_at(frame))
         self._replace_after(frame, played, yaw)
         if played is None and self._gesture is not None and self._gesture.intent == before:
+            self._gesture = self._gesture.after_rest(frame + 1)
             self._pieces = [self._gesture.held(concatenate(self._pieces), frame + 1)]
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
@@ -225,6 +226,16 @@ class ModelSource:
     def sampled(self, first: int) -> Motion | None:
         """The frames from `first` on that are sampled already; None: there are none, or some of them were dropped."""
         return concatenate(self._cut(first, self._next)) if self._first <= first < self._next else None
+
+    def drawn(self, first: int, last: int) -> Motion:
+        """Frames from `first` to before `last`; the forces of the last ones change with the window after them."""
+        while self._next < last:
+            self._sample_window()
+        return self._frames(first, last)
+
+    def forget(self, before: int) -> None:
+        """Drop frames before that one."""
+        self._drop(before)
 
     def finish(self, frame: int) -> None:
         """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame.
@@ -455,6 +466,8 @@ class ModelSource:
             self._pieces, self._first = self._cut(first, self._next), first
             current = max((at for at, _ in self._schedule if at <= self._first), default=self._first)
             self._schedule = [(at, intent) for at, intent in self._schedule if at >= current]
+            if self._gesture is not None:
+                self._gesture.forget(first)
             self._courses = [
                 *[one for one in self._courses if one[0] < first][-1:],
                 *[one for one in self._courses if one[0] >= first],
@@ -463,6 +476,8 @@ class ModelSource:
     def _require(self, intent: Intent) -> None:
         """Raise `ConfigError` if the model cannot follow an intent; reads its words now, since that takes time."""
         match intent:
+            case Text(beside=Text(text)) | Velocity(beside=Text(text)):
+                raise ConfigError(f"{word_of(intent)}: beside {text!r}: say both in words, as in 'walk while waving'")
             case Text(text):
                 self.sampler.prompt(text)
             case Velocity() | Heading() | Waypoint() if not self.sampler.follows_velocity:

@@ -234,7 +234,7 @@ def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
     for heard in report.targets:
         share = "" if heard.certainty is None or heard.heard_as is None else f" ({100 * heard.certainty:.0f} %)"
         done = [
-            f"{step.heard_as}: {step.done}{'' if step.end in (None, 'done') else f', {step.end}'}"
+            f"{step.motion}: {step.done}{'' if step.end in (None, 'done') else f', {step.end}'}"
             for step in heard.steps
             if step.end is not None
         ]

@@ -38,7 +38,7 @@ export function told(entry, own, kinds = []) {
   if (reason) Object.assign(found, why(reason, kinds, entry.broke));
   if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
     found.steps = steps.map((step) => ({
-      text: [mannered(motion(step), step.manner), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
+      text: [mannered(withGesture(step), step.manner), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
       end: ENDS[step.end] ?? "", done: step.end === "done",
     }));
   } else if (heard_as && plain(heard_as) !== entry.text && !entry.stick && !entry.goal) {
@@ -53,7 +53,7 @@ export function told(entry, own, kinds = []) {
 }
 
 // The motion of a step, with the gesture that is made meanwhile.
-function motion({ heard_as, text, beside }) {
+function withGesture({ heard_as, text, beside }) {
   return [heard_as ?? text, ...(beside ? [beside] : [])].join(" with ");
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import load_robot
 from flexmotion.human.kinematics import forward
 from flexmotion.sampling.sampler import Sampler
@@ -122,6 +123,78 @@ def test_the_gesture_ends_and_the_walk_goes_on(hearing: Hearing, say: str) -> No
 @pytest.mark.parametrize("say", ["stop", "stop walking", "halt", "don't move", "stand still"])
 def test_a_stop_is_one_whatever_is_under_way(hearing: Hearing, say: str) -> None:
     assert motions(hear(hearing, say, after="walk while waving")) == ["stand"]
+
+
+@pytest.mark.parametrize(
+    "say",
+    [
+        *("stop moving and waving", "stop waving and moving", "stop waving or moving", "no waving or walking"),
+        *(
+            "stop waving and everything else",
+            "halt waving",
+            "stop in front of the waving man",
+            "don't hit the waving man",
+        ),
+        *("stop with your hand up", "stop the moment I wave", "stop walking and waving"),
+    ],
+)
+def test_a_stop_that_means_more_than_the_gesture_is_a_stop(hearing: Hearing, say: str) -> None:
+    """The walk went on: "stop moving and waving" was heard as the end of the wave."""
+    assert motions(hear(hearing, say, after="walk while waving")) == ["stand"]
+
+
+@pytest.mark.parametrize(
+    "say",
+    [
+        *(
+            "wave while telling him to walk",
+            "wave while you are waiting for me to walk",
+            "nod while waiting to turn left",
+        ),
+        *("wave while showing me how to walk", "wave while jogging his memory", "wave while you stop walking"),
+    ],
+)
+def test_what_others_do_moves_no_foot(hearing: Hearing, say: str) -> None:
+    """The robot walked, ran and turned."""
+    program = hear(hearing, say)
+    assert program.heard.state == "partly" and not program.steps[0].moves and program.heard.dropped
+
+
+@pytest.mark.parametrize("say", ["walk between people waving", "walk past the people clapping"])
+def test_the_gestures_of_others_are_none_of_the_robot(hearing: Hearing, say: str) -> None:
+    assert hear(hearing, say).heard.state == "refused"
+
+
+@pytest.mark.parametrize(
+    ("say", "does"),
+    [
+        ("stand still for five seconds while waving", "wave-right-hand"),
+        ("wave while standing still for five seconds", "wave-right-hand"),
+        ("nod and wait five seconds at the same time", "nod"),
+    ],
+)
+def test_the_time_of_a_stand_is_that_of_the_gesture(hearing: Hearing, say: str, does: str) -> None:
+    """It was lost: the robot waved without an end."""
+    (step,) = hear(hearing, say).steps
+    assert step.kind == does and step.amount is not None and step.amount.value == 5.0
+
+
+def test_then_is_an_order_of_doing_whatever_is_at_the_same_time(hearing: Hearing) -> None:
+    """The bow was made beside what comes after it."""
+    program = hear(hearing, "walk and bow at the same time, then wave")
+    assert motions(program) == ["walk", "bow", "wave-right-hand"] and program.heard.dropped == ("at the same time",)
+
+
+def test_a_gesture_is_beside_its_motion_at_a_rate_and_on_the_spot(hearing: Hearing) -> None:
+    for say in ("walk forward at 0.3 m/s while waving", "turn left on the spot while waving"):
+        (step,) = hear(hearing, say).steps
+        assert isinstance(step.intent, Velocity) and step.beside == Text("wave"), say
+
+
+def test_an_intent_with_a_gesture_is_no_item_of_a_script(sampler: Sampler) -> None:
+    """The gesture was left out without a word: words say both."""
+    with pytest.raises(ConfigError, match="beside 'wave': say both in words"):
+        ModelSource(sampler, [Item(0.0, Text("walk", beside=Text("wave")))], "walk")
 
 
 def test_a_gesture_comes_to_what_is_under_way(hearing: Hearing) -> None:
@@ -280,14 +353,14 @@ def test_the_human_walks_and_waves(sampler: Sampler) -> None:
 
 
 def test_a_gesture_goes_on_where_the_walk_changes(sampler: Sampler) -> None:
-    """It would have begun anew, from a hanging arm, with every "slower" and every new window."""
+    """It would have begun anew, from a hanging arm, with every "slower"."""
     source = ModelSource(sampler, [Item(0.0, Text("walk with your right hand up"))], "walk", 1)
-    assert source.window(0, 60) is not None
-    played = source.sampled(30)
-    assert played is not None
-    source.turn_to(Target(1, 1, Text("slower")), 50, played[:21])
-    after = source.window(51, 30)
+    made, gesture = source.window(0, 60), source._gesture
+    assert made is not None
+    source.turn_to(Target(1, 1, Text("slower")), 50, made[41:51])
+    after = source.window(51, 60)
     assert after is not None
+    assert source._gesture is gesture is not None, "the gesture is the same one"
     human = forward(after)
     assert (human.wrist[:, 1, 2] > human.shoulder[:, 1, 2]).all(), "the hand stays up"
 
