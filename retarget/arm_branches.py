@@ -3,7 +3,9 @@
 An arm reaches about the same directions in several configurations (shoulder pitch half a turn further with the roll
 negated, say). The best of a frame by itself changes from frame to frame, and each change swings the whole arm around.
 So a few candidates a frame are drawn from all parts of the joint space, and the sequence is chosen that costs least in
-directions and in movement beyond what the joints can do in a frame (Viterbi 1967), from the present pose on.
+directions and in movement beyond what the joints can do in a frame (Viterbi 1967), from the present pose on. The window
+ends where the next plan goes on: its last pose costs its distance from the stand pose too, so that an arm does not wind
+up to follow the human within the window, and comes back where it has.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ Float = NDArray[np.float64]
 
 _CELLS, _SAMPLES = 16, 64
 """Parts of the joint space, and sampled poses in each. Denser samples change no figure: candidates are refined."""
-_CANDIDATES = 5
-"""Candidates of a frame: the best sample of each of as many parts."""
+_CANDIDATES = 8
+"""Candidates of a frame: the best sample of each of as many parts. With five, poses with the elbow bent backward left
+no room for the configuration of the frames before, and folded arms swung around."""
 _REFINEMENTS = 1
 """Gauss-Newton steps of the candidates before they are compared; two change no figure."""
 _RATE_HZ = 15.0
@@ -28,6 +31,9 @@ _RATE_HZ = 15.0
 _TRAVEL_COST = 4.0
 """Cost of a radian that a joint must move faster than it can, in squared chords of directions times frames at
 `_COST_FPS`: swinging an arm around by 3 rad costs as much as both directions being 26 degrees off for a second."""
+_WINDING_COST = 3.0
+"""Cost of a squared radian away from the stand pose at the end of the window, in squared chords times frames at
+`_COST_FPS`: half a turn of two joints costs as much as both directions being 60 degrees off for a second."""
 _COST_FPS = 30.0
 
 _SIDES = np.arange(2)
@@ -84,6 +90,8 @@ class ArmBranches:
             sums = total[:, None] + travel[frame - 1]
             before[frame] = sums.argmin(axis=0)
             total = sums.min(axis=0) + costs[frame]
+        wound = poses[-1] - self.cost.rest
+        total += _WINDING_COST * fps / _COST_FPS * np.sum(wound * wound, axis=-1)
         chosen = np.empty((len(poses), 2), dtype=int)
         chosen[-1] = total.argmin(axis=0)
         for frame in range(len(poses) - 1, 0, -1):

@@ -35,9 +35,21 @@ def standing(upper: UpperBody) -> np.ndarray:
     return upper.robot.stand_pose[upper.joints]
 
 
-def streamed(upper: UpperBody, human: HumanKinematics, fps: float, cadence: int, horizon: int) -> np.ndarray:
-    """Angles as plans play them: windows of `horizon` frames, of each of which `cadence` frames are played."""
-    start, before, played = standing(upper), None, []
+def streamed(
+    upper: UpperBody,
+    human: HumanKinematics,
+    fps: float,
+    cadence: int,
+    horizon: int,
+    start: np.ndarray | None = None,
+) -> np.ndarray:
+    """Angles as plans play them: windows of `horizon` frames, of each of which `cadence` frames are played.
+
+    Args:
+        start: angles before the first frame, the stand pose's where not given, (U,) [rad].
+    """
+    before, played = None, []
+    start = standing(upper) if start is None else start
     for first in range(0, len(human), cadence):
         angles, _ = upper.solve(human[first : first + horizon], start, fps, before)
         played.append(angles[:cadence])
@@ -77,11 +89,36 @@ def rocking(frames: int, cone: float) -> HumanKinematics:
     turn = 1.2 * np.sin(np.pi * np.arange(frames) / 30.0)
     one = np.ones(frames)
     arm = np.stack([np.sin(cone) * np.sin(turn), -np.cos(cone) * one, -np.sin(cone) * np.cos(turn)], axis=1)
+    return with_right_arm(arm, arm)
+
+
+def folding(frames: int) -> HumanKinematics:
+    """A human whose right hand goes from hanging to before the chest, and up to the chin, and stays there.
+
+    The directions are those of a bow that a model sampled ("take a bow", seed 7), ten times a second.
+    """
+    at = np.minimum(np.arange(frames) / 3.0, 10.0)
+    upper = [[0.1, -0.2, -1.0], [0.0, -0.2, -0.9], [0.0, -0.5, -0.9], [0.2, -0.55, -0.8], [0.4, -0.5, -0.8]]
+    upper += [[0.45, -0.5, -0.75], [0.5, -0.6, -0.7], [0.4, -0.6, -0.7], [0.4, -0.6, -0.7], [0.4, -0.6, -0.6]]
+    fore = [[0.4, -0.1, -0.9], [0.7, 0.1, -0.7], [0.8, 0.5, -0.3], [0.4, 0.85, 0.1], [-0.2, 0.8, 0.5]]
+    fore += [[-0.45, 0.55, 0.7], [-0.5, 0.5, 0.7], [-0.45, 0.65, 0.65], [-0.3, 0.8, 0.5], [-0.25, 0.9, 0.4]]
+
+    def followed(directions: list[list[float]]) -> np.ndarray:
+        known = np.array(directions)
+        moved = np.stack([np.interp(at, np.arange(len(known)), column) for column in known.T], axis=1)
+        return moved / np.linalg.norm(moved, axis=1, keepdims=True)
+
+    return with_right_arm(followed(upper), followed(fore))
+
+
+def with_right_arm(upper: np.ndarray, fore: np.ndarray) -> HumanKinematics:
+    """A human with these directions of the right upper arm and forearm, (F, 3); the left arm hangs."""
+    frames = len(upper)
     still = np.zeros((frames, 2, 3))
     rotation = np.broadcast_to(np.eye(3), (frames, 3, 3))
     elbow, hand = still.copy(), still.copy()
     elbow[:, 0, 2], hand[:, 0, 2] = -0.3, -0.6
-    elbow[:, 1], hand[:, 1] = 0.3 * arm, 0.6 * arm
+    elbow[:, 1], hand[:, 1] = 0.3 * upper, 0.3 * (upper + fore)
     sided = dict.fromkeys(("hip", "knee", "ankle", "heel", "toe", "wrist"), still)
     return HumanKinematics(
         com=still[:, 0],
@@ -155,6 +192,26 @@ def test_a_configuration_is_left_only_where_another_is_much_better(
     bent[roll] = 0.0
     found, _ = upper.solve(human, bent, 30.0)
     assert max(error[-1].max() for error in errors(upper, found, targets)) < 15
+
+
+def test_an_arm_that_has_wound_up_comes_back(upper: UpperBody, stand: Callable[..., Motion]) -> None:
+    """After a bow a right arm stayed half a turn around, pitch at its limit, while the human's hung."""
+    wound = standing(upper)
+    pitch, roll = upper.arms.shape[1], upper.arms.shape[1] + 1
+    wound[pitch], wound[roll] = upper.chain.lower[1, 0], -wound[roll]
+    angles = streamed(upper, forward(stand(90)), 30.0, cadence=8, horizon=31, start=wound)
+    assert np.abs(angles[-1] - standing(upper))[[pitch, roll]].max() < 0.5
+
+
+def test_folding_an_arm_does_not_wind_it_up(upper: UpperBody) -> None:
+    """A right arm went half a turn around on the way to the chest.
+
+    Poses with the elbow bent backward had crowded out the candidates of the configuration that it was in.
+    """
+    angles = streamed(upper, folding(60), 30.0, cadence=8, horizon=31)
+    pitch, roll = upper.arms.shape[1], upper.arms.shape[1] + 1
+    assert angles[:, pitch].min() > -0.5 * np.pi
+    assert angles[:, roll].max() < 0.0
 
 
 def test_arguments_are_not_changed(upper: UpperBody, clip: Motion) -> None:
