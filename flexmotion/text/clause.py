@@ -61,6 +61,7 @@ class Clause:
             what is done again: `times` counts single ones of a counted motion.
         verbless: it names no verb of its own.
         on_the_spot: its turn is not to walk ahead, since the sentence forbids walks.
+        still: a stand is asked for with it ("stand still while waving").
         beside: gesture that is made meanwhile, by arms or a head that are free for it; None: there is none.
     """
 
@@ -85,4 +86,5 @@ class Clause:
     more: bool = False
     verbless: bool = False
     on_the_spot: bool = False
+    still: bool = False
     beside: Clause | None = None

@@ -17,7 +17,6 @@ from flexmotion.text.limbs import lowered_arm
 from flexmotion.text.meanwhile import is_posture, meanwhile, says_at_once
 from flexmotion.text.phrases import STAND, is_pose, limbs, wordings
 from flexmotion.text.refusals import is_no_stand
-from flexmotion.text.sentence_parts import NEGATES
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
@@ -26,21 +25,21 @@ SURE = 0.8
 """Least share of a kind in what the listener hears in a phrase: "with your eyes closed" is none of a gesture."""
 
 
-_ENDS = re.compile(r"^(?:[\w']+ ){0,3}?(?:stop|quit|cease|finish|end|enough)(?: the| your| that)? (?P<rest>.+)$")
-"""Words that end a gesture."""
+_POLITE = (
+    r"(?:(?:please|ok|okay|now|hey|robot|just|and|but|then|so|you|can|may|should|could|must|that's|it's) |all right )*"
+)
+_ENDS = re.compile(
+    rf"{_POLITE}(?:stop|quit|cease|finish|end|enough|no more|no)(?: the| your| that)? (?P<rest>\w+ing\b.*)"
+)
+_FORBIDS = re.compile(rf"{_POLITE}(?:don't|do not|never) (?P<rest>.+)")
+"""Words that end a gesture, and nothing else."""
 _NOW = re.compile(r"(?: (?:now|please|any ?more|again|already|at once|immediately|right now|then))+$")
-_TO_WHOM = frozenset(
-    ["with", "at", "to", "your", "the", "that", "this", "me", "us", "them", "everyone", "hand", "hands", "arm", "arms"]
-)
-"""Words that may be said of a gesture beside those of its own wordings."""
-_OTHERS = frozenset(
-    ["him", "her", "them", "his", "their", "people", "someone", "somebody", "everyone", "i", "he", "she", "they", "we"]
-)
-"""Whose walk a walk may be."""
 _LOWERS = re.compile(
-    r"^(?:please )?(?:lower|drop|put down|take down) (?:your |the )?(?:hands?|arms?)(?: (?:down|again|now|please))*$"
+    rf"{_POLITE}(?:(?:lower|drop|put down|take down) (?:your |the )?(?:hands?|arms?)"
+    r"|(?:(?:put|take|bring) )?(?:your |the )?(?:hands?|arms?) (?:back )?down)(?: (?:down|again|now|please))*"
 )
 """Words that lower all arms that are raised."""
+_SIDE = re.compile(r"-(?:left|right|both)(?:-hands?)?|-hands?$")
 
 
 def together(clauses: Sequence[Clause], model: Model) -> tuple[Clause, ...]:
@@ -73,17 +72,28 @@ def ends_gesture(clause: Clause, kind: str, model: Model) -> bool:
     arms = "arm" in (limbs(kind) or ())
     if lowered := lowered_arm(clause.text):
         return arms and lowered[0] in sides(kind)
-    if _LOWERS.search(clause.text):
+    if _LOWERS.fullmatch(clause.text):
         return arms
-    ends = _ENDS.search(clause.text)
-    rest = ends["rest"] if ends else NEGATES.sub(" ", clause.text).strip() if clause.forbidden else ""
-    words = _NOW.sub("", rest).removeprefix("more ").split()
-    # Whatever else is said may have meant more than the gesture: "stop waving and moving".
-    own = {stem(word) for wording in wordings(kind) for word in wording.split()} | _TO_WHOM
-    walks = vocabulary().words("walk_verbs") | vocabulary().words("turn_verbs")
-    own -= {"and", "or", "a", *walks}
-    only = words[:1] != [] and words[0] != "with" and {stem(word) for word in words} <= own
-    return only and model.prompt(" ".join(words)).kind == kind
+    ends = _ENDS.fullmatch(clause.text) or (_FORBIDS.fullmatch(clause.text) if clause.forbidden else None)
+    return ends is not None and says_only(_NOW.sub("", ends["rest"]), kind, model)
+
+
+def says_only(text: str, kind: str, model: Model) -> bool:
+    """Whether words name a gesture, with any hand unless they say which, and nothing else.
+
+    Whatever else is said may have meant more: "stop waving and moving", "keep waving where you are".
+    """
+    words = {stem(word) for word in text.split()}
+    heard = model.prompt(text).kind if words else None
+    if heard is None or _SIDE.sub("", heard) != _SIDE.sub("", kind):
+        return False
+    named = sides(text)
+    own = {stem(word) for one in (kind, heard) for wording in wordings(one) for word in wording.split()}
+    known = vocabulary()
+    feet = known.words("walk_verbs") | known.words("turn_verbs") | known.words("stop_verbs")
+    return words <= (own | known.words("to_whom")) - {"and", "or", "a", *feet} and (
+        not named or not sides(kind) or named == sides(kind)
+    )
 
 
 def without_amount(clause: Clause) -> Clause:
@@ -111,6 +121,8 @@ def _with_phrases(clause: Clause, model: Model) -> Clause:
     """A request with the gesture that one of its phrases asks for; of several gestures, with the first."""
     for phrase in clause.dropped:
         words, _, others = (meanwhile(phrase) or "").partition(" and ")
+        if (vocabulary().words("stop_verbs") | {"stand"}) & {stem(word) for word in others.split()}:
+            return replace(clause, refusal=f"{others!r}: say when, with 'then'")
         asked = parse(words) if words else ()
         if len(asked) != 1:
             continue
@@ -131,7 +143,7 @@ def _is_walk(text: str) -> bool:
     """Whether words ask the robot itself to walk, turn or squat: they begin with that, and name nobody else."""
     known, words = vocabulary(), text.split()
     own = known.words("paths") | known.words("walk_verbs") | known.words("turn_verbs") | known.words("single_motions")
-    return words[0] in own and not _OTHERS & set(words)
+    return words[0] in own and not known.words("other_people") & set(words)
 
 
 def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
@@ -147,7 +159,7 @@ def _both(one: Clause, other: Clause, model: Model) -> Clause | None:
         gesture, stand = (other, one) if first == STAND else (one, other)
         if not fits_beside(second if first == STAND else first, STAND) or (stand.amount and gesture.amount):
             return None
-        return replace(_joined(gesture, stand), amount=gesture.amount or stand.amount)
+        return replace(_joined(gesture, stand), amount=gesture.amount or stand.amount, still=True)
     if fits_beside(second, first):
         return _beside(one, other, model)
     return _beside(other, one, model) if fits_beside(first, second) else None
@@ -170,6 +182,8 @@ def _beside(main: Clause, gesture: Clause, model: Model) -> Clause:
     rhythm = model.rhythm(Condition(gesture.text, tempo=gesture.speed))
     each = GESTURE_S * gesture.times if rhythm is None else rhythm.seconds(gesture.times)
     amount = gesture.amount or Amount(each, "time", amount_of(gesture))
+    if main.amount is None and not main.counted and amount.quantity in ("length", "steps", "angle"):
+        return replace(joined, amount=amount)  # "walk while waving for two metres"
     if main.amount is not None or main.counted or amount.quantity != "time":
         return replace(joined, dropped=(*joined.dropped, f"{gesture.text} {amount.said}"))
     note = () if gesture.amount is not None else (f"{amount.said!r} is taken as {amount.value:.3g} s of both",)

@@ -7,20 +7,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from flexmotion.sampling.beside import fits_beside
-from flexmotion.streamer.motion.at_once import amount_of, ends_gesture, without_amount
+from flexmotion.streamer.motion.at_once import amount_of, ends_gesture, says_only, without_amount
 from flexmotion.streamer.motion.measured_steps import NothingChangesError
 from flexmotion.streamer.motion.programs import VELOCITY, Program, Step
 from flexmotion.streamer.motion.speeds import Model
 from flexmotion.text.clause import Asks, Clause
 from flexmotion.text.ellipsis import with_side
 from flexmotion.text.limbs import lowered_arm
-from flexmotion.text.meanwhile import is_posture, says_at_once
+from flexmotion.text.meanwhile import is_posture, meanwhile, says_at_once
 from flexmotion.text.phrases import BOTH_UP, STAND, WALK, limbs
 from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.vocabulary import vocabulary
 
 _ALSO = re.compile(r"^(?:and |now )?also (?P<behind>.+)$|^(?P<before>.+?) (?:too|as well|also)$")
 """A request that comes to what is under way."""
+
+_KEEPS = re.compile(r"(?:please )?(?:keep|keep on|continue|go on) (?P<rest>[\w ]+)")
+"""A request that something goes on."""
 
 Change = tuple[Step, str, tuple[str, ...]]
 """The step, a note, and parts of the request that are not done."""
@@ -50,28 +53,29 @@ def gesture_change(
     kind, first = step.told.beside, clauses[0]
     if kind is not None:
         asked = [clause for clause in clauses if not ends_gesture(clause, kind, model)]
-        if len(asked) < len(clauses) and all(_keeps(clause, step.kind, model) for clause in asked):
+        if len(asked) < len(clauses) and all(_keeps(clause, _moving(step), model) for clause in asked):
             dropped = tuple(phrase for clause in clauses for phrase in clause.dropped)
             return step.with_beside(None), f"{step.kind} goes on without it", dropped
-        if len(clauses) == 1 and (_keeps(first, kind, model) or _keeps(first, step.kind, model)):
+        if len(clauses) == 1 and (_keeps(first, kind, model) or _keeps(first, _moving(step), model)):
             return step, "it goes on", first.dropped
         if len(clauses) == 1 and (lowered := lowered_arm(first.text)) and "arm" in (limbs(kind) or ()):
             return _lowered(step, first, *lowered, motion)
         if len(clauses) == 1 and first.asks is Asks.AGAIN and first.side is not None and _is_of_limb(first):
             return _other_side(step, first, motion)
-    return None if len(clauses) != 1 else _added(step, first, motion)
+    return None if len(clauses) != 1 else _added(step, first, motion, model)
 
 
-def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step]) -> Change | None:
+def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step], model: Model) -> Change | None:
     """A gesture that comes to what is under way; None where the request does not say that it does."""
     dropped = tuple(phrase for phrase in clause.dropped if not says_at_once(phrase))
     also = _ALSO.match(clause.text)
     comes = dropped != clause.dropped or also is not None or is_posture(clause.text)
-    if clause.asks is not Asks.MOTION or clause.forbidden or not comes:
+    if clause.asks is not Asks.MOTION or clause.forbidden or clause.still or clause.beside is not None or not comes:
         return None
     text = clause.text if also is None else also["behind"] or also["before"]
     gesture = motion(without_amount(replace(clause, text=text)))
-    if not fits_beside(gesture.kind, WALK if step.kind == VELOCITY else step.kind):
+    only = says_only(meanwhile(text) or text, gesture.kind, model)
+    if not (only and fits_beside(gesture.kind, _moving(step))):
         return None
     before = "" if step.told.beside in (None, gesture.kind) else f", without {step.told.beside}"
     dropped += () if clause.amount is None and not clause.counted else (amount_of(clause),)
@@ -99,15 +103,35 @@ def _other_side(step: Step, clause: Clause, motion: Callable[[Clause], Step]) ->
     return step.with_beside(motion(other)), f"{step.kind} goes on", clause.dropped
 
 
+def _moving(step: Step) -> str:
+    """Kind of motion of a step, that of a walk for a velocity."""
+    return WALK if step.kind == VELOCITY else step.kind
+
+
 def _is_of_limb(clause: Clause) -> bool:
     return bool(vocabulary().words("limbs") & set(clause.said.split()))
 
 
 def _keeps(clause: Clause, kind: str, model: Model) -> bool:
     """Whether a request asks a kind of motion to go on: "keep waving", "go on"."""
-    if clause.amount is not None or clause.counted or clause.forbidden:
+    if clause.amount is not None or clause.counted or clause.forbidden or clause.still or clause.beside is not None:
         return False
-    if clause.asks is Asks.CONTINUE:
-        return True
-    keeps = clause.asks is Asks.MOTION and clause.text.split()[:1] in (["keep"], ["continue"])
-    return keeps and model.prompt(clause.text).kind == kind
+    if clause.asks is not Asks.MOTION:
+        return clause.asks is Asks.CONTINUE and not clause.dropped
+    kept = _KEEPS.fullmatch(clause.text)
+    if kept is None or clause.dropped:
+        return False
+    if kind == WALK or model.prompt(kept["rest"]).kind == kind != STAND:
+        walks = set(kept["rest"].split()) <= {
+            "walking",
+            "going",
+            "moving",
+            "turning",
+            "running",
+            "on",
+            "forward",
+            "ahead",
+        }
+        if walks:
+            return model.prompt(kept["rest"]).kind == kind or kept["rest"] in ("going", "moving", "on")
+    return says_only(kept["rest"], kind, model)

@@ -144,6 +144,8 @@ class Hearing:
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
                     notes += (f"done {_speed_text(steps[-1].intent)}",)
+            if len(parsed) == 1 and steps and _is_more(parsed[0], steps[-1], under_way):
+                steps[-1] = steps[-1].with_beside_of(under_way.steps[-1])  # type: ignore[union-attr]
             if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
                 notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
@@ -200,7 +202,8 @@ class Hearing:
         if not any(_begins_with(clause, qualifiers) for clause in clauses):
             return clauses
         one = whole(sentence)
-        if one is None or not self.model.prompt(one.text).known:
+        refused = any(self.model.prompt(clause.text).refused is not None for clause in clauses if clause.text)
+        if one is None or refused or not self.model.prompt(one.text).known:
             return clauses
         looks = tuple(clause.said for clause in clauses if names_head(clause.said))
         return (one if one.needs_head else replace(one, dropped=(*one.dropped, *looks)),)
@@ -421,10 +424,7 @@ class Hearing:
             before[-1] = changed
             return []
         clause = self._lowering(clause, before or ([] if under_way is None else list(under_way.steps)))
-        step = self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)
-        if clause.verbless and under_way is not None and not before and step.kind == under_way.steps[-1].kind:
-            step = step.with_beside_of(under_way.steps[-1])  # "for two metres"
-        return [step]
+        return [self._motion(self._with_limb(clause, [*(() if last is None else last.steps), *before]), in_sequence)]
 
     def _named(self, clause: Clause, done: Sequence[Step]) -> list[Step]:
         """For "repeat the turn": the last step of that motion; a gesture can be done without one before."""
@@ -663,6 +663,13 @@ def _further(clause: Clause, repeated: Sequence[Step]) -> Amount | None:
 def _changes_last(clause: Clause) -> bool:
     """Whether a clause changes the speed of the motion before it, and asks for none of its own: "walk, slowly"."""
     return clause.asks in (Asks.FASTER, Asks.SLOWER) and clause.joint != "then"
+
+
+def _is_more(clause: Clause, step: Step, under_way: Program | None) -> bool:
+    """Whether a request asks for an amount of what is under way: "for two metres", "keep walking two steps"."""
+    more = clause.verbless or clause.text.split()[:1] == ["keep"]
+    free = clause.beside is None and not clause.forbidden and clause.amount is not None
+    return more and free and under_way is not None and step.kind == under_way.steps[-1].kind
 
 
 def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:

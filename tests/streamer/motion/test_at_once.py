@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import bundle_folder
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import load_robot
 from flexmotion.human.kinematics import forward
@@ -315,6 +316,66 @@ def test_a_gesture_outlives_changes_of_the_walk(hearing: Hearing, say: str) -> N
     program = hear(hearing, say, after="walk while waving")
     assert program.heard.state != "refused" and program.steps[0].told.beside == "wave-right-hand"
     assert program.steps[0].beside is not None
+
+
+@pytest.mark.parametrize(
+    ("after", "say"),
+    [
+        ("walk while waving", "halt stop waving"),
+        ("walk while waving", "stand still stop waving"),
+        ("walk while waving", "don't move stop waving"),
+        ("walk while waving", "he should stop waving"),
+        ("walk while waving", "stop to wave at me"),
+        ("walk while waving", "stop hands up"),
+        ("walk while waving", "keep waving while standing still"),
+        ("walk while waving", "keep waving where you are"),
+        ("walk while waving", "keep waving in place"),
+        ("walk while waving", "also nod where you are"),
+        ("walk", "keep your hands up and stand still"),
+        ("walk", "with your hands on your hips stand still"),
+        ("walk", "nod too while standing still"),
+    ],
+)
+def test_whatever_else_is_said_of_a_gesture_ends_the_walk(hearing: Hearing, after: str, say: str) -> None:
+    """The walk went on, though a stand, a place or a stop was said as well."""
+    assert not any(step.moves for step in hear(hearing, say, after=after).steps)
+
+
+@pytest.mark.parametrize("say", ["stop waving", "don't wave", "no more waving"])
+@pytest.mark.parametrize("after", ["walk while waving with your left hand", "walk while waving with both hands"])
+def test_the_end_of_a_gesture_is_that_of_any_hand(hearing: Hearing, say: str, after: str) -> None:
+    """Only that of the right hand ended: words without a side are heard as of the right one."""
+    assert motions(hear(hearing, say, after=after)) == ["walk"]
+    assert motions(hear(hearing, "keep waving", after=after)) == motions(hear(hearing, after))
+    assert motions(hear(hearing, "stop waving your right hand", after="walk while waving with your left hand")) == [
+        "stand"
+    ]
+
+
+def test_what_is_said_behind_an_amount_counts(hearing: Hearing) -> None:
+    """A prohibition, and another gesture, were lost: the wave went on."""
+    for say, does in (
+        ("without waving", "walk"),
+        ("while nodding", "walk with nod"),
+        ("", "walk with wave-right-hand"),
+    ):
+        program = hear(hearing, f"for two metres {say}".strip(), after="walk while waving")
+        assert motions(program) == [does] and program.steps[0].amount is not None
+
+
+def test_an_end_behind_while_is_asked_for_in_order(hearing: Hearing) -> None:
+    """The words "wave while walking and stop" walked without an end, "walk while waving for two metres" too."""
+    for say in ("wave while walking and stop", "walk while waving and stand still", "walk while waving and halt"):
+        heard = hear(hearing, say).heard
+        assert heard.state == "refused" and "say when, with 'then'" in str(heard.reason)
+    (step,) = hear(hearing, "walk while waving for two metres").steps
+    assert step.amount is not None and step.amount.quantity == "length"
+
+
+def test_a_motion_that_the_model_lacks_is_refused_behind_a_posture_too() -> None:
+    """The free bundle put its hands on its hips, and said nothing of the turn."""
+    heard = hear(Hearing(Sampler(Bundle(bundle_folder("free"))), None), "hands on hips, turn left").heard
+    assert heard.state == "refused" and "cannot turn left" in str(heard.reason)
 
 
 def test_a_stick_goes_on_beside_a_gesture_until_that_ends(hearing: Hearing) -> None:
