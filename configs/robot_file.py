@@ -197,6 +197,8 @@ class GaitPace(Strict):
         turning: [rad/s].
         reached: greatest speed ahead of the robot itself, however fast the human goes [m/s]: "faster" is refused there.
             None, or a greater one: as `ahead`.
+        curve_with_arms: share of the speed of a walked turn beside which both arms are raised or held out: they turn
+            with the body, and sway it.
     """
 
     ahead: float = Field(gt=0)
@@ -204,6 +206,7 @@ class GaitPace(Strict):
     aside: float = Field(gt=0)
     turning: float = Field(gt=0)
     reached: float | None = Field(None, gt=0)
+    curve_with_arms: float = Field(1.0, gt=0, le=1)
 
 
 class Gait(Strict):

@@ -14,6 +14,7 @@ class Pace:
         ahead, back, aside: [m/s].
         turning: [rad/s].
         reached: the robot's own greatest speed ahead, in the scale of the human [m/s]; None: as `ahead`.
+        curve_with_arms: share of the speed of a walked turn with both arms away from the body.
 
     Raises:
         ValueError: one of them is not positive and finite.
@@ -24,6 +25,7 @@ class Pace:
     aside: float
     turning: float
     reached: float | None = None
+    curve_with_arms: float = 1.0
 
     def __post_init__(self) -> None:
         speeds = [speed for name, speed in asdict(self).items() if name != "reached" or speed is not None]

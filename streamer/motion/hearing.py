@@ -532,7 +532,17 @@ class Hearing:
         step = self._single_motion(clause, in_sequence)
         if clause.beside is None:
             return step
-        return step.with_beside(self._single_motion(clause.beside, in_sequence=False))
+        gesture = self._single_motion(clause.beside, in_sequence=False)
+        step = step.with_beside(gesture)
+        share = 1.0 if self.pace is None else self.pace.curve_with_arms
+        curves = step.turn != 0 and not (isinstance(step.intent, Velocity) and step.intent.forward == 0.0)
+        wide = curves and "arm" in (limbs(gesture.kind) or ()) and not sides(gesture.kind)
+        if not wide or share == 1.0 or clause.speed != 1.0 or clause.rate is not None:
+            return step
+        slower = self.speeds.changed(step, share)
+        assert isinstance(slower.intent, Velocity)
+        told = f"a human's {_velocity_text(slower.intent)}, so that the robot can follow"
+        return replace(slower, told=slower.told.model_copy(update={"slowed": told}))
 
     def _single_motion(self, clause: Clause, in_sequence: bool) -> Step:
         if not clause.text:
@@ -733,4 +743,8 @@ def _speed_text(intent: Intent) -> str:
     if isinstance(intent, Text):
         return f"at {intent.tempo:.2g} times its usual speed"
     assert isinstance(intent, Velocity)
-    return "at a human's " + velocity_text((intent.forward, intent.left, intent.turning))
+    return "at a human's " + _velocity_text(intent)
+
+
+def _velocity_text(intent: Velocity) -> str:
+    return velocity_text((intent.forward, intent.left, intent.turning))

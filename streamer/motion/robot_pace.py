@@ -23,4 +23,5 @@ def human_pace(robot: Robot, body: Body) -> Pace | None:
         return None
     ratio = human_scale(robot, body)
     reached = None if own.reached is None else own.reached * ratio
-    return Pace(own.ahead * ratio, own.back * ratio, own.aside * ratio, own.turning, reached)
+    ahead, back, aside = own.ahead * ratio, own.back * ratio, own.aside * ratio
+    return Pace(ahead, back, aside, own.turning, reached, own.curve_with_arms)

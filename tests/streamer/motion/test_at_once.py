@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -389,6 +390,17 @@ def test_a_stick_goes_on_beside_a_gesture_until_that_ends(hearing: Hearing) -> N
     assert motions(hearing(Velocity(0.0, 0.0, 0.0), turns, turns)) == ["velocity"], "a stick at rest is a stand"
     assert motions(hearing(Text("stop waving"), turns, turns)) == ["velocity"]
     assert motions(hearing(Velocity(0.4, 0.0, 0.0), hear(hearing, "walk while waving"), None)) == ["velocity"]
+
+
+def test_a_walked_turn_with_both_arms_out_is_slower(hearing: Hearing) -> None:
+    """A third of such turns of the perturbed robot fell within ten seconds."""
+    (step,) = hear(hearing, "turn left with your arms out to the sides").steps
+    assert isinstance(step.intent, Velocity) and step.intent.turning == pytest.approx(0.33, abs=0.01)
+    assert "0.33 rad/s turning left, so that the robot can follow" in str(step.told.slowed)
+    for say in ("turn left while waving", "walk with raised hands", "turn left on the spot with raised hands"):
+        (other,) = hear(hearing, say).steps
+        plain = hear(hearing, say.split(" w")[0]).steps[0]
+        assert replace(other.intent, beside=None) == plain.intent, say
 
 
 def test_a_measured_turn_is_led_with_its_gesture(hearing: Hearing) -> None:
