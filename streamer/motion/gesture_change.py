@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from flexmotion.sampling.beside import fits_beside
-from flexmotion.streamer.motion.at_once import amount_of, ends_gesture, says_only, without_amount
+from flexmotion.streamer.motion.at_once import amount_of, without_amount
+from flexmotion.streamer.motion.gesture_words import ends_gesture, says_only
 from flexmotion.streamer.motion.measured_steps import NothingChangesError
 from flexmotion.streamer.motion.programs import VELOCITY, Program, Step
 from flexmotion.streamer.motion.speeds import Model
@@ -45,8 +46,10 @@ def gesture_change(
         NothingChangesError: an arm is to be lowered that the gesture does not raise alone.
         RefusedError: the gesture cannot be made.
     """
-    if under_way is None or len(under_way.steps) != 1 or any(clause.refusal for clause in clauses):
+    if not clauses or under_way is None or len(under_way.steps) != 1 or any(one.refusal for one in clauses):
         return None
+    if any(not says_at_once(phrase) for clause in clauses for phrase in clause.dropped):
+        return None  # "keep waving as you halt"
     (step,) = under_way.steps
     if step.kind == STAND or step.is_led:
         return None
@@ -54,10 +57,9 @@ def gesture_change(
     if kind is not None:
         asked = [clause for clause in clauses if not ends_gesture(clause, kind, model)]
         if len(asked) < len(clauses) and all(_keeps(clause, _moving(step), model) for clause in asked):
-            dropped = tuple(phrase for clause in clauses for phrase in clause.dropped)
-            return step.with_beside(None), f"{step.kind} goes on without it", dropped
+            return step.with_beside(None), f"{step.kind} goes on without it", ()
         if len(clauses) == 1 and (_keeps(first, kind, model) or _keeps(first, _moving(step), model)):
-            return step, "it goes on", first.dropped
+            return step, "it goes on", ()
         if len(clauses) == 1 and (lowered := lowered_arm(first.text)) and "arm" in (limbs(kind) or ()):
             return _lowered(step, first, *lowered, motion)
         if len(clauses) == 1 and first.asks is Asks.AGAIN and first.side is not None and _is_of_limb(first):
@@ -67,9 +69,8 @@ def gesture_change(
 
 def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step], model: Model) -> Change | None:
     """A gesture that comes to what is under way; None where the request does not say that it does."""
-    dropped = tuple(phrase for phrase in clause.dropped if not says_at_once(phrase))
     also = _ALSO.match(clause.text)
-    comes = dropped != clause.dropped or also is not None or is_posture(clause.text)
+    comes = bool(clause.dropped) or also is not None or is_posture(clause.text)
     if clause.asks is not Asks.MOTION or clause.forbidden or clause.still or clause.beside is not None or not comes:
         return None
     text = clause.text if also is None else also["behind"] or also["before"]
@@ -78,7 +79,7 @@ def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step], model: 
     if not (only and fits_beside(gesture.kind, _moving(step))):
         return None
     before = "" if step.told.beside in (None, gesture.kind) else f", without {step.told.beside}"
-    dropped += () if clause.amount is None and not clause.counted else (amount_of(clause),)
+    dropped = () if clause.amount is None and not clause.counted else (amount_of(clause),)
     return step.with_beside(gesture), f"{step.kind} goes on{before}", dropped
 
 
@@ -89,7 +90,7 @@ def _lowered(step: Step, clause: Clause, side: str, arm: str, motion: Callable[[
         reason = f"{kind} does not raise the {side} {arm}" if sides(kind) else f"{kind} is no motion of one {arm} alone"
         raise NothingChangesError(f"{clause.said!r}: {reason}")
     other = replace(without_amount(clause), text=f"raise your {RIGHT if side == LEFT else LEFT} hand")
-    return step.with_beside(motion(other)), f"{step.kind} goes on", clause.dropped
+    return step.with_beside(motion(other)), f"{step.kind} goes on", ()
 
 
 def _other_side(step: Step, clause: Clause, motion: Callable[[Clause], Step]) -> Change:
@@ -100,7 +101,7 @@ def _other_side(step: Step, clause: Clause, motion: Callable[[Clause], Step]) ->
     side = clause.side if clause.side in (LEFT, RIGHT) else LEFT if RIGHT in sides(kind) else RIGHT
     text = with_side(gesture.text, str(side))
     other = replace(without_amount(clause), asks=Asks.MOTION, side=None, text=text, speed=gesture.tempo)
-    return step.with_beside(motion(other)), f"{step.kind} goes on", clause.dropped
+    return step.with_beside(motion(other)), f"{step.kind} goes on", ()
 
 
 def _moving(step: Step) -> str:
@@ -117,21 +118,10 @@ def _keeps(clause: Clause, kind: str, model: Model) -> bool:
     if clause.amount is not None or clause.counted or clause.forbidden or clause.still or clause.beside is not None:
         return False
     if clause.asks is not Asks.MOTION:
-        return clause.asks is Asks.CONTINUE and not clause.dropped
+        return clause.asks is Asks.CONTINUE
     kept = _KEEPS.fullmatch(clause.text)
-    if kept is None or clause.dropped:
+    if kept is None:
         return False
-    if kind == WALK or model.prompt(kept["rest"]).kind == kind != STAND:
-        walks = set(kept["rest"].split()) <= {
-            "walking",
-            "going",
-            "moving",
-            "turning",
-            "running",
-            "on",
-            "forward",
-            "ahead",
-        }
-        if walks:
-            return model.prompt(kept["rest"]).kind == kind or kept["rest"] in ("going", "moving", "on")
+    if set(kept["rest"].split()) <= vocabulary().words("going_on"):
+        return kept["rest"] in ("going", "moving") or model.prompt(kept["rest"]).kind == kind
     return says_only(kept["rest"], kind, model)

@@ -15,8 +15,9 @@ from math import log
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
-from flexmotion.streamer.motion.at_once import ends_gesture, together
+from flexmotion.streamer.motion.at_once import together
 from flexmotion.streamer.motion.gesture_change import Change, gesture_change
+from flexmotion.streamer.motion.gesture_words import ends_gesture
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
 from flexmotion.streamer.motion.measured_steps import (
@@ -63,6 +64,7 @@ from flexmotion.text.wording import stem
 BOTH_HANDS = re.compile(r"\bboth (?:your |of your |the )?(?:hands|arms)\b")
 """What a gesture of one hand does with one of them."""
 
+_HALTS = re.compile(r"\bto a (?:complete |full )?(?:stop|halt|standstill)\b", re.IGNORECASE)
 PACED = 0.5
 """Least share of the asked change of a rhythm's speed, by its logarithm, by which its adverb was done."""
 
@@ -127,7 +129,9 @@ class Hearing:
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
         try:
-            change = gesture_change(parsed, under_way, partial(self._single_motion, in_sequence=False), self.model)
+            # "Come to a stop waving" is reworded to "stop waving".
+            own = () if _HALTS.search(sentence) else parsed
+            change = gesture_change(own, under_way, partial(self._single_motion, in_sequence=False), self.model)
             if change is not None and under_way is not None:
                 return self._with_gesture(sentence, change, under_way)
             wanted = self._without_forbidden(sentence, clauses)
