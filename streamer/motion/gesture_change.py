@@ -9,6 +9,7 @@ from dataclasses import replace
 from flexmotion.sampling.beside import fits_beside
 from flexmotion.streamer.motion.at_once import amount_of, without_amount
 from flexmotion.streamer.motion.gesture_words import ends_gesture, says_only
+from flexmotion.streamer.motion.heard import GOALS
 from flexmotion.streamer.motion.measured_steps import NothingChangesError
 from flexmotion.streamer.motion.programs import VELOCITY, Program, Step
 from flexmotion.streamer.motion.speeds import Model
@@ -37,8 +38,8 @@ def gesture_change(
 
     Args:
         clauses: of the sentence.
-        under_way: what the robot does; None: it stands. Of several steps, and of what the odometry leads, nothing is
-            changed: which of them is done is not known here.
+        under_way: what the robot does; None: it stands. Of several steps nothing is changed: which of them is done is
+            not known here.
         motion: makes the step of a request; raises `RefusedError`.
         model: that hears words.
 
@@ -51,7 +52,7 @@ def gesture_change(
     if any(not says_at_once(phrase) for clause in clauses for phrase in clause.dropped):
         return None  # "keep waving as you halt"
     (step,) = under_way.steps
-    if step.kind == STAND or step.is_led:
+    if step.kind == STAND:
         return None
     kind, first = step.told.beside, clauses[0]
     if kind is not None:
@@ -105,8 +106,8 @@ def _other_side(step: Step, clause: Clause, motion: Callable[[Clause], Step]) ->
 
 
 def _moving(step: Step) -> str:
-    """Kind of motion of a step, that of a walk for a velocity."""
-    return WALK if step.kind == VELOCITY else step.kind
+    """Kind of motion of a step, that of a walk for a velocity and for a way to a heading or a place."""
+    return WALK if step.kind in (VELOCITY, *GOALS) else step.kind
 
 
 def _is_of_limb(clause: Clause) -> bool:

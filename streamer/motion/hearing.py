@@ -64,9 +64,11 @@ from flexmotion.text.wording import stem
 BOTH_HANDS = re.compile(r"\bboth (?:your |of your |the )?(?:hands|arms)\b")
 """What a gesture of one hand does with one of them."""
 
-_HALTS = re.compile(r"\bto a (?:complete |full )?(?:stop|halt|standstill)\b", re.IGNORECASE)
 PACED = 0.5
 """Least share of the asked change of a rhythm's speed, by its logarithm, by which its adverb was done."""
+
+_HALTS = re.compile(r"\bto a (?:complete |full )?(?:stop|halt|standstill)\b", re.IGNORECASE)
+"""Words of a stop that the grammar rewords: "come to a stop waving" is no end of the wave alone."""
 
 
 class Hearing:
@@ -129,7 +131,6 @@ class Hearing:
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
         try:
-            # "Come to a stop waving" is reworded to "stop waving".
             own = () if _HALTS.search(sentence) else parsed
             change = gesture_change(own, under_way, partial(self._single_motion, in_sequence=False), self.model)
             if change is not None and under_way is not None:
@@ -138,12 +139,11 @@ class Hearing:
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
             steps: list[Step] = []
+            wanted = self._without_ends(wanted)
             several = len([clause for clause in wanted if not _changes_last(clause)]) > 1
             for clause in wanted:
                 if clause is not wanted[-1] and clause.until_told:
                     raise RefusedError(f"{clause.said!r}: it ends when you say so; say then what follows")
-                if steps and (gesture := steps[-1].told.beside) and ends_gesture(clause, gesture, self.model):
-                    continue  # "walk a metre while waving, then stop waving and walk on": the next step has none
                 steps += self._steps(clause, several, steps, under_way, last)
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
@@ -234,6 +234,20 @@ class Hearing:
     def _standing(self, sentence: str) -> Step:
         told = HeardStep(text=sentence, heard_as=STAND, certainty=1.0)
         return Step(Text("stand still"), STAND, None, (0, 0), 0, None, told)
+
+    def _without_ends(self, clauses: Sequence[Clause]) -> list[Clause]:
+        """The requests without those that only end a gesture: "walk a metre while waving, then stop waving and walk".
+
+        What follows has none. Where nothing follows, the robot is to stand.
+        """
+        gestures = [None, *(clause.beside for clause in clauses)]
+        kinds = [None if one is None else self.model.prompt(one.text).kind for one in gestures]
+        last = len(clauses) - 1
+        return [
+            clause
+            for number, (clause, kind) in enumerate(zip(clauses, kinds, strict=False))
+            if kind is None or number == last or not ends_gesture(clause, kind, self.model)
+        ]
 
     # ------------------------------------------------------------ what is forbidden
 

@@ -152,6 +152,12 @@ class Navigator:
             other.move = replace(self.move, turning=math.copysign(other._fastest_turn, self.move.turning))
         return other
 
+    def with_beside(self, gesture: Text | None) -> Navigator:
+        """The same way with another gesture, or with none."""
+        other = copy.copy(self)
+        other.beside = gesture
+        return other
+
     def update(self, place: Float, time_s: float) -> None:
         """Take a measurement: odometry as in the constructor, and its time [s]."""
         place = np.array(place, float)
@@ -304,7 +310,7 @@ def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float, si
     """
     manner = step.told.manner
     if step.goal is not None:
-        return Navigator(step.goal, pace, place, time_s, size, manner=manner)
+        return Navigator(step.goal, pace, place, time_s, size, manner=manner, beside=step.beside)
     if not step.is_led:
         return None
     assert step.amount is not None and isinstance(step.intent, Velocity)

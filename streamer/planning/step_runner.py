@@ -171,6 +171,7 @@ class StepRunner:
             return None
         step = program.steps[self._index]
         if self._navigator is not None:
+            self._navigator = self._navigator.with_beside(step.beside)
             if step.is_led and isinstance(step.intent, Velocity):
                 self._navigator = self._navigator.at(step.intent.turning)
             return self._navigator.asked

@@ -17,7 +17,7 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.human.kinematics import forward
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.intents import Heading, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.robot_pace import human_pace
@@ -312,6 +312,17 @@ def test_one_hand_is_lowered_and_the_other_stays(hearing: Hearing) -> None:
 def test_the_gesture_changes_and_the_walk_goes_on(hearing: Hearing, say: str, does: str) -> None:
     """The walk ended."""
     assert motions(hear(hearing, say, after="walk while waving")) == [does]
+
+
+@pytest.mark.parametrize("way", [Heading(1.0), Waypoint(1.0, 0.0)])
+def test_a_gesture_comes_to_a_way_to_a_place_and_to_a_measured_turn(hearing: Hearing, way: Heading | Waypoint) -> None:
+    """The words "wave at the same time" replaced the way, and "stop waving" ended a measured turn."""
+    goes = hearing(way)
+    waves = hearing(Text("wave at the same time"), goes, goes)
+    assert waves.steps[0].goal == way and waves.steps[0].told.beside == "wave-right-hand"
+    turns = hear(hearing, "turn left 90 degrees while waving")
+    (step,) = hearing(Text("stop waving"), turns, turns).steps
+    assert step.is_led and step.amount == turns.steps[0].amount and step.beside is None
 
 
 @pytest.mark.parametrize("say", ["slower", "like an old man", "the other way", "again"])

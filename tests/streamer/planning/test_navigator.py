@@ -181,3 +181,12 @@ def test_a_gesture_is_made_on_the_whole_way_and_not_after_it() -> None:
     assert navigator.asked is not None and navigator.asked.beside == Text("wave")  # type: ignore[union-attr]
     navigator.update(np.array([0.0, 0.0, 1.0]), 5.0)
     assert navigator.phase is Phase.SETTLE and navigator.asked is None
+
+
+def test_a_gesture_changes_on_the_way() -> None:
+    """A measured turn went on with the gesture that was to stop."""
+    navigator = Navigator(Heading(1.0), PACE, np.zeros(3), 0.0, SIZE, beside=Text("wave"))
+    for gesture in (Text("nod"), None):
+        changed = navigator.with_beside(gesture)
+        assert changed.asked is not None and changed.asked.beside == gesture  # type: ignore[union-attr]
+        assert changed.move == navigator.move and navigator.beside == Text("wave")
