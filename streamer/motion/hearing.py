@@ -16,7 +16,7 @@ from math import log
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.at_once import together
-from flexmotion.streamer.motion.gesture_change import Change, gesture_change
+from flexmotion.streamer.motion.gesture_change import gesture_change
 from flexmotion.streamer.motion.gesture_words import ends_gesture
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
@@ -134,7 +134,8 @@ class Hearing:
             own = () if _HALTS.search(sentence) else parsed
             change = gesture_change(own, under_way, partial(self._single_motion, in_sequence=False), self.model)
             if change is not None and under_way is not None:
-                return self._with_gesture(sentence, change, under_way)
+                step, note, left_out = change
+                return self._goes_on_with(sentence, [step], note, left_out, under_way.number)
             wanted = self._without_forbidden(sentence, clauses)
             if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
                 return changed
@@ -148,8 +149,8 @@ class Hearing:
                 at_a_speed = clause.rate is not None or (clause.speed != 1.0 and isinstance(steps[-1].intent, Velocity))
                 if at_a_speed and steps[-1].told.slowed is None:
                     notes += (f"done {_speed_text(steps[-1].intent)}",)
-            if len(parsed) == 1 and steps and _is_more(parsed[0], steps[-1], under_way):
-                steps[-1] = steps[-1].with_beside_of(under_way.steps[-1])  # type: ignore[union-attr]
+            if len(parsed) == 1 and steps and under_way is not None and _is_more(parsed[0], steps[-1], under_way):
+                steps[-1] = steps[-1].with_beside_of(under_way.steps[-1])
             if len(wanted) == 1 and _goes_on(wanted[0], steps[-1:], under_way):
                 notes += ("it goes on",)
             if len(steps) > MOST_STEPS:
@@ -323,32 +324,23 @@ class Hearing:
             heard = Heard(asked=sentence, state="refused", reason=f"{reason}; it goes on", certainty=1.0)
             return replace(under_way, heard=heard)
         told = ", ".join(dict.fromkeys(_speed_text(step.intent) for step in moved))
-        heard = Heard(
-            asked=sentence,
-            state="partly" if clause.dropped else "accepted",
-            heard_as=_kinds(steps),
-            manner=_manners(steps),
-            certainty=1.0,
-            dropped=clause.dropped,
-            notes=(f"now {told}",),
-            steps=tuple(step.told for step in steps),
-        )
-        return Program(tuple(steps), heard, under_way.number)
+        return self._goes_on_with(sentence, steps, f"now {told}", clause.dropped, under_way.number)
 
-    def _with_gesture(self, sentence: str, change: Change, under_way: Program) -> Program:
-        """What is under way with the gesture that it has from now on."""
-        step, note, dropped = change
+    def _goes_on_with(
+        self, sentence: str, steps: Sequence[Step], note: str, dropped: tuple[str, ...], number: int
+    ) -> Program:
+        """The program under way, of a number, with other steps, which go on where it is."""
         heard = Heard(
             asked=sentence,
             state="partly" if dropped else "accepted",
-            heard_as=step.told.motion,
-            manner=_manners([step]),
+            heard_as=_kinds(steps),
+            manner=_manners(steps),
             certainty=1.0,
             dropped=dropped,
             notes=(note,),
-            steps=(step.told,),
+            steps=tuple(step.told for step in steps),
         )
-        return Program((step,), heard, under_way.number)
+        return Program(tuple(steps), heard, number)
 
     def _in_manner(self, sentence: str, way: str, under_way: Program | None) -> Program:
         """What is under way in another manner, which goes on where it is.
@@ -693,11 +685,11 @@ def _changes_last(clause: Clause) -> bool:
     return clause.asks in (Asks.FASTER, Asks.SLOWER) and clause.joint != "then"
 
 
-def _is_more(clause: Clause, step: Step, under_way: Program | None) -> bool:
+def _is_more(clause: Clause, step: Step, under_way: Program) -> bool:
     """Whether a request asks for an amount of what is under way: "for two metres", "keep walking two steps"."""
     more = clause.verbless or clause.text.split()[:1] == ["keep"]
     free = clause.beside is None and not clause.forbidden and clause.amount is not None
-    return more and free and under_way is not None and step.kind == under_way.steps[-1].kind
+    return more and free and step.kind == under_way.steps[-1].kind
 
 
 def _goes_on(clause: Clause, steps: Sequence[Step], under_way: Program | None) -> bool:

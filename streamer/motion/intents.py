@@ -167,6 +167,11 @@ WORDS: dict[str, type[Intent]] = {
 }
 
 
+def gesture_of(intent: Intent | None) -> Text | None:
+    """The gesture that is made beside an intent; None: there is none."""
+    return intent.beside if isinstance(intent, Text | Velocity) else None
+
+
 def word_of(intent: Intent) -> str:
     """The word for this kind of intent, of `WORDS`."""
     return next(word for word, kind in WORDS.items() if isinstance(intent, kind))

@@ -21,7 +21,17 @@ from flexmotion.streamer.motion.allowed_clips import AllowedClips
 from flexmotion.streamer.motion.gesture_beside import GestureBeside
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
+from flexmotion.streamer.motion.intents import (
+    Clip,
+    Heading,
+    Intent,
+    Stop,
+    Text,
+    Velocity,
+    Waypoint,
+    gesture_of,
+    word_of,
+)
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.script import Item
@@ -210,7 +220,7 @@ class ModelSource:
         Args:
             intent, frame, played, yaw: see `turn_to`.
         """
-        before = _gesture_of(self._intent_at(frame))
+        before = gesture_of(self._intent_at(frame))
         self._replace_after(frame, played, yaw)
         if played is None and self._gesture is not None and self._gesture.intent == before:
             self._gesture = self._gesture.after_rest(frame + 1)
@@ -234,8 +244,18 @@ class ModelSource:
         return self._frames(first, last)
 
     def forget(self, before: int) -> None:
-        """Drop frames before that one."""
-        self._drop(before)
+        """Drop frames before that one, except those that the next window is sampled from."""
+        first = min(before, self._next - self.sampler.remembers)
+        if first > self._first:
+            self._pieces, self._first = self._cut(first, self._next), first
+            current = max((at for at, _ in self._schedule if at <= self._first), default=self._first)
+            self._schedule = [(at, intent) for at, intent in self._schedule if at >= current]
+            if self._gesture is not None:
+                self._gesture.forget(first)
+            self._courses = [
+                *[one for one in self._courses if one[0] < first][-1:],
+                *[one for one in self._courses if one[0] >= first],
+            ]
 
     def finish(self, frame: int) -> None:
         """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame.
@@ -326,7 +346,7 @@ class ModelSource:
         while self._next < last + self.sampler.unsettled:
             self._sample_window()
         frames = self._frames(first, last)
-        self._drop(first - int(_KEPT_S * self.fps))
+        self.forget(first - int(_KEPT_S * self.fps))
         return frames
 
     def _frames(self, first: int, last: int) -> Motion:
@@ -386,7 +406,7 @@ class ModelSource:
 
     def _beside(self, frame: int, intent: Intent | None) -> Beside | None:
         """What the window that begins at a frame shows of the gesture that is made meanwhile; None: there is none."""
-        gesture = _gesture_of(intent)
+        gesture = gesture_of(intent)
         if gesture is None:
             return None
         if self._gesture is None or not self._gesture.goes_on(gesture, frame):
@@ -459,20 +479,6 @@ class ModelSource:
         self._first = before - len(self._pieces[0])
         self._courses = []
 
-    def _drop(self, before: int) -> None:
-        """Drop frames before that one, except those that the next window is sampled from."""
-        first = min(before, self._next - self.sampler.remembers)
-        if first > self._first:
-            self._pieces, self._first = self._cut(first, self._next), first
-            current = max((at for at, _ in self._schedule if at <= self._first), default=self._first)
-            self._schedule = [(at, intent) for at, intent in self._schedule if at >= current]
-            if self._gesture is not None:
-                self._gesture.forget(first)
-            self._courses = [
-                *[one for one in self._courses if one[0] < first][-1:],
-                *[one for one in self._courses if one[0] >= first],
-            ]
-
     def _require(self, intent: Intent) -> None:
         """Raise `ConfigError` if the model cannot follow an intent; reads its words now, since that takes time."""
         match intent:
@@ -498,8 +504,3 @@ class ModelSource:
             case Velocity(forward, left, turning, manner, paced):
                 return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace if paced else None)
         return Condition()
-
-
-def _gesture_of(intent: Intent | None) -> Text | None:
-    """The gesture that is made beside an intent; None: there is none."""
-    return intent.beside if isinstance(intent, Text | Velocity) else None

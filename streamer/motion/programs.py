@@ -10,7 +10,7 @@ import numpy as np
 from flexmotion.sampling.request import is_still
 from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Goal, Intent, Text, Velocity
+from flexmotion.streamer.motion.intents import Goal, Intent, Text, Velocity, gesture_of
 from flexmotion.text.amounts import Amount
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import Quantity
@@ -85,21 +85,23 @@ class Step:
     @property
     def beside(self) -> Text | None:
         """The gesture that is made meanwhile; None: there is none."""
-        return self.intent.beside if isinstance(self.intent, Text | Velocity) else None
+        return gesture_of(self.intent)
 
     def with_beside(self, gesture: Step | None) -> Step:
         """The step with a gesture that is made meanwhile, as long as the step lasts; None: without one."""
-        assert isinstance(self.intent, Text | Velocity)
-        asked = None if gesture is None else gesture.intent
-        assert asked is None or isinstance(asked, Text)
-        told = self.told.model_copy(update={"beside": None if gesture is None else gesture.kind})
-        return replace(self, intent=replace(self.intent, beside=asked), told=told)
+        if gesture is None:
+            return self._beside(None, None)
+        assert isinstance(gesture.intent, Text)
+        return self._beside(gesture.intent, gesture.kind)
 
     def with_beside_of(self, other: Step) -> Step:
         """The step with the gesture that is made beside another one, if there is one."""
+        return self._beside(other.beside, other.told.beside)
+
+    def _beside(self, gesture: Text | None, kind: str | None) -> Step:
         assert isinstance(self.intent, Text | Velocity)
-        told = self.told.model_copy(update={"beside": other.told.beside})
-        return replace(self, intent=replace(self.intent, beside=other.beside), told=told)
+        told = self.told.model_copy(update={"beside": kind})
+        return replace(self, intent=replace(self.intent, beside=gesture), told=told)
 
     @property
     def begins(self) -> Intent:

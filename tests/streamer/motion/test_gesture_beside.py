@@ -52,15 +52,14 @@ def test_an_arm_was_lowered_as_fast_as_its_servos_could_after_a_gesture_on_the_w
     assert up[0] > 0.0 and up[-1] < up[0] and np.abs(np.diff(up)).max() < 0.1
 
 
-class Counted:
-    """A source of a gesture that counts its windows, and is asked for its frames only once."""
+class Forgetful:
+    """A source of a gesture that gives no frame that it was told to forget."""
 
     def __init__(self, human: Motion) -> None:
-        self.human, self.asked, self.dropped = human, [], 0  # type: ignore[var-annotated]
+        self.human, self.dropped = human, 0
 
     def drawn(self, first: int, last: int) -> Motion:
         assert first >= self.dropped - 2
-        self.asked.append((first, last))
         return self.human[: last - first]
 
     def forget(self, before: int) -> None:
@@ -68,7 +67,7 @@ class Counted:
 
 
 def test_a_gesture_goes_on_where_it_was_made_up_to_and_for_the_same_words_alone() -> None:
-    gesture = GestureBeside(RAISED, 40, "raise-up-right-hand", Counted(standing(4.0)))
+    gesture = GestureBeside(RAISED, 40, "raise-up-right-hand", Forgetful(standing(4.0)))
     assert gesture.goes_on(RAISED, 40) and not gesture.goes_on(RAISED, 41)
     gesture.window(40, 32)
     assert gesture.goes_on(RAISED, 72) and gesture.goes_on(RAISED, 50), "also where a target cuts the motion"
@@ -78,7 +77,7 @@ def test_a_gesture_goes_on_where_it_was_made_up_to_and_for_the_same_words_alone(
 
 def test_a_rest_changes_no_gesture_of_a_plan_that_is_given_up() -> None:
     """It was shifted in place: after `Undo` the old plan's gesture was a second late."""
-    gesture = GestureBeside(RAISED, 0, "raise-up-right-hand", Counted(standing(4.0)))
+    gesture = GestureBeside(RAISED, 0, "raise-up-right-hand", Forgetful(standing(4.0)))
     gesture.window(0, 32)
     later = gesture.after_rest(60)
     assert later.goes_on(RAISED, 60) and not gesture.goes_on(RAISED, 60)

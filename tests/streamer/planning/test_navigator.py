@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from flexmotion.configs.robot import load_robot
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
-from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Text, Waypoint
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Text, Waypoint, gesture_of
 from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase, Wound
 from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
@@ -178,7 +178,7 @@ def test_a_turn_goes_on_at_another_speed() -> None:
 def test_a_gesture_is_made_on_the_whole_way_and_not_after_it() -> None:
     """Its turns were asked for without it."""
     navigator = Navigator(Heading(1.0), PACE, np.zeros(3), 0.0, SIZE, beside=Text("wave"))
-    assert navigator.asked is not None and navigator.asked.beside == Text("wave")  # type: ignore[union-attr]
+    assert gesture_of(navigator.asked) == Text("wave")
     navigator.update(np.array([0.0, 0.0, 1.0]), 5.0)
     assert navigator.phase is Phase.SETTLE and navigator.asked is None
 
@@ -188,5 +188,5 @@ def test_a_gesture_changes_on_the_way() -> None:
     navigator = Navigator(Heading(1.0), PACE, np.zeros(3), 0.0, SIZE, beside=Text("wave"))
     for gesture in (Text("nod"), None):
         changed = navigator.with_beside(gesture)
-        assert changed.asked is not None and changed.asked.beside == gesture  # type: ignore[union-attr]
+        assert changed.asked is not None and gesture_of(changed.asked) == gesture
         assert changed.move == navigator.move and navigator.beside == Text("wave")
