@@ -29,8 +29,8 @@ class Beside:
     """The gesture of one window.
 
     Attributes:
-        joints: angles of who stands and makes it, from `led_path.KNOWN` frames before the window on, (KNOWN + T, 26)
-            [rad].
+        joints: angles of the human who makes it standing, from `led_path.KNOWN` frames before the window on,
+            (KNOWN + T, 26) [rad].
         columns: joints that it is made with.
     """
 

@@ -12,6 +12,7 @@ from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
+# Fillers are not `stripped`: that loses marks, and "stop, waving" is a stop.
 _POLITE = (
     r"(?:(?:please|ok|okay|now|hey|robot|just|and|but|then|so|you|can|may|should|could|must|that's|it's) |all right )*"
 )

@@ -139,7 +139,7 @@ def test_a_stop_is_one_whatever_is_under_way(hearing: Hearing, say: str) -> None
             "stop in front of the waving man",
             "don't hit the waving man",
         ),
-        *("stop with your hand up", "stop the moment I wave", "stop walking and waving"),
+        *("stop with your hand up", "stop the moment I wave", "stop walking and waving", "stop, waving"),
     ],
 )
 def test_a_stop_that_means_more_than_the_gesture_is_a_stop(hearing: Hearing, say: str) -> None:
