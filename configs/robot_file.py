@@ -249,6 +249,13 @@ class Gait(Strict):
 UPRIGHT = 1.571
 """A quarter of a turn [rad]: a torso tilted by more lies. A greater number was meant in degrees."""
 
+DEEPEST_BOW = 1.25
+"""Greatest tilt that a plan may have [rad]: with `PAST_PLAN_RAD` more a robot does not lie yet."""
+
+_FALL_MARGIN = 0.085
+"""What plans keep from the tilt that counts as a fall, where the file says nothing [rad]: bends overshoot by up to 2
+degrees, and floors slope."""
+
 EmergencyStop = Literal["freeze", "captured_stop", "crouch"]
 """What an emergency stop does at first; then the robot parks, and its torque goes off.
 
@@ -262,7 +269,10 @@ class SafetyLimits(Strict):
 
     Attributes:
         max_stale_reads: consecutive reads that a servo may miss before FAULT.
-        fall_tilt: torso tilt that counts as a fall, at most a right angle [rad].
+        fall_tilt: torso tilt that counts as a fall of a robot that is to be upright, at most a right angle [rad]. One
+            that bows falls where it is tilted further than its plan (`flexmotion/spatial/tilt.py`).
+        bow_tilt: greatest torso tilt of a plan [rad]; by default 0.085 less than `fall_tilt`. More needs a proof that
+            the robot stands up again (`benchmarks/robot/bows.py`).
         voltage_min: supply below which the robot parks [V].
         thermal_margin: a servo this close to its own shutdown parks the robot; at twice this margin it warns [°C].
         lost_bus_hold_s: how long a robot whose servos do not answer is held before it is lowered without measurements,
@@ -280,6 +290,7 @@ class SafetyLimits(Strict):
 
     max_stale_reads: int = Field(default=5, ge=1)
     fall_tilt: float = Field(default=0.785, gt=0, le=UPRIGHT, description="[rad]")
+    bow_tilt: float | None = Field(default=None, gt=0, le=DEEPEST_BOW, description="[rad]")
     voltage_min: float | None = Field(default=None, gt=0)
     thermal_margin: float = Field(default=5.0, ge=0)
     lost_bus_hold_s: float = Field(default=1.0, ge=0, le=10)
@@ -288,6 +299,11 @@ class SafetyLimits(Strict):
     soft_start_speed: float = Field(default=0.8, gt=0)
     standing_margin: float = Field(default=0.15, ge=0, le=UPRIGHT, description="[rad]")
     emergency_stop: EmergencyStop = "captured_stop"
+
+    @property
+    def most_tilt(self) -> float:
+        """Greatest torso tilt of a plan [rad]."""
+        return max(self.fall_tilt - _FALL_MARGIN, 0.0) if self.bow_tilt is None else self.bow_tilt
 
 
 class RobotFile(Strict):

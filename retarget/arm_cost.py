@@ -27,6 +27,9 @@ _RAISED = (0.9, 1.5)
 Hands that wave, reach or point are raised; those of a swinging or hanging arm are not."""
 _DAMPING = 0.02
 """Added to the curvature of the cost by a joint; keeps steps bounded where an arm is straight."""
+_IN_THE_BODY = 4.0
+"""Most that a pose of a candidate costs for its depth in the body, in squared chords: as much as one segment that
+points the other way. Poses on the body's edge win against those in it, and these against an arm that is flung out."""
 LONGEST_STEP = 0.6
 """Longest Gauss-Newton step of a joint [rad]."""
 _REST_WEIGHT = 1e-3
@@ -111,31 +114,36 @@ class ArmCost:
         return costs
 
     def of(self, targets: ArmTargets, q: Float) -> Float:
-        """Cost of poses (..., 2, m), one for each target, in directions alone, (..., 2)."""
-        upper, fore = self._errors(targets, self.chain.poses(q))
+        """Cost of poses (..., 2, m), one for each target, (..., 2); in the body it is `_IN_THE_BODY` more at most."""
+        poses = self.chain.poses(q)
+        upper, fore = self._errors(targets, poses)
         hand = self._shares[:, 0] * upper + self._shares[:, 1] * fore
         cost: Float = np.sum(upper * upper + fore * fore + targets.hand_weight * hand * hand, axis=0)
-        return cost
+        depth, _ = self.clearance.residual(poses, np.broadcast_to(targets.lean, q.shape[:-2]))
+        return cost + np.minimum(np.sum(depth * depth, axis=-1), _IN_THE_BODY)
 
     def normal(
         self, targets: ArmTargets, q: Float, lower: Float, upper: Float, *, clear: bool = True
-    ) -> tuple[Float, Float]:
+    ) -> tuple[Float, Float, Float]:
         """Gauss-Newton equations of half the cost at poses (..., 2, m).
 
         Joints at a limit, (2, m) [rad], that the cost pushes further are held there.
 
         Returns:
-            Matrix (..., 2, m, m) and right side (..., 2, m), so that a step solves matrix x step = right.
+            Matrix (..., 2, m, m) and right side (..., 2, m), so that a step solves matrix x step = right; the cost,
+            (..., 2).
         """
         poses = self.chain.poses(q)
         residual, jacobian = self._directions(targets, poses)
         matrix = np.einsum("ri...,rj...->ij...", jacobian, jacobian)
         push = np.einsum("ri...,r...->i...", jacobian, residual)
+        cost = np.sum(residual * residual, axis=0)
         if clear:
             depth, slope = self.clearance.residual(poses, targets.lean)
             if depth.any():
                 matrix += np.einsum("...ip,...jp->ij...", slope, slope)
                 push += np.einsum("...ip,...p->i...", slope, depth)
+                cost += np.sum(depth * depth, axis=-1)
         matrix = matrix.transpose(*range(2, matrix.ndim), 0, 1)
         right = -coordinates_last(push) - _REST_WEIGHT * (q - self.rest)
         held = ((q <= lower) & (right < 0.0)) | ((q >= upper) & (right > 0.0))
@@ -146,12 +154,12 @@ class ArmCost:
             right *= free
             diagonal += _HELD * held
         diagonal += _DAMPING + _REST_WEIGHT
-        return matrix, right
+        return matrix, right, cost
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
         """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself, by directions alone."""
         lower, upper = self.chain.lower, self.chain.upper
-        matrix, right = self.normal(targets, q, lower, upper, clear=False)
+        matrix, right, _ = self.normal(targets, q, lower, upper, clear=False)
         step = np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
         return np.clip(q + _bounded(step), lower, upper)
 

@@ -22,6 +22,9 @@ _SPEED_WEIGHT = 300.0
 """Cost of a squared radian that a joint moves further in a frame than it can."""
 _STEPS = 6
 """Most Gauss-Newton steps."""
+_DAMPED, _HARDER, _SOFTER = 3.0, 4.0, 0.5
+"""Damping of a frame whose last step raised its cost, in squared chords a squared radian, and its factors where a step
+raises the cost again or lowers it (after Marquardt 1963): arms on an edge of the body went to and fro across it."""
 _ARRIVED = 0.02
 """The steps end when no joint moves further than this [rad]."""
 
@@ -53,8 +56,12 @@ class ArmPath:
         weight, reach = (fps / _BANDWIDTH) ** 4, self.speed / fps
         known = np.zeros((0, 2, count)) if before is None else before
         band, first = _second_differences(frames, len(known))
+        damping, cost = np.zeros((frames, 2)), np.full((frames, 2), np.inf)
         for _ in range(_STEPS):
-            matrix, right = self.cost.normal(targets, q, lower, upper)
+            matrix, right, found = self.cost.normal(targets, q, lower, upper)
+            damping = np.where(found > cost, np.maximum(_HARDER * damping, _DAMPED), _SOFTER * damping)
+            cost = found
+            np.einsum("...ii->...i", matrix)[...] += damping[..., None]
             line = np.concatenate([known, q])
             bend = line[2:] - 2.0 * line[1:-1] + line[:-2]
             pull = np.zeros_like(line)

@@ -119,7 +119,7 @@ class UpperBody:
 
     def targets(self, human: HumanKinematics) -> ArmTargets:
         """What the arms follow of the frames of a window."""
-        return ArmTargets.of(human, self.chain, self.robot.safety.fall_tilt)
+        return ArmTargets.of(human, self.chain, self.robot.safety.most_tilt)
 
     def straight(self, targets: ArmTargets) -> NDArray[np.bool_]:
         """Whether the human's arm is so straight that the robot's hand would be at the end of its reach, (T, 2)."""

@@ -1,8 +1,8 @@
 """`TrunkBend`: how far the robot's trunk may bend, forward and back, at each height of its hips.
 
 The centre of mass stays over the middle of the feet: the hips move back as the trunk bends forward. Joint limits and
-the reach of the legs end that, found on the whole body. A trunk that is tilted as far as `safety.fall_tilt` counts as
-fallen, so plans stay away from there.
+the reach of the legs end that, found on the whole body; and `safety.most_tilt` does, beyond which nobody has shown that
+the robot stands up again.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from flexmotion.retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
 
-_FALL_MARGIN = 0.085
-"""Kept from the tilt that counts as a fall [rad]: bends overshoot by up to 2 degrees, and floors slope."""
 _HEIGHTS = 6
 _STEEPEST = 1.6
 """Greatest pitch that is tried [rad]."""
@@ -45,7 +43,7 @@ class TrunkBend:
     def __init__(self, robot: Robot, body: WholeBody) -> None:
         self.heights = np.linspace(robot.gait.min_hip_height, robot.gait.stand_hip_height, _HEIGHTS)
         self.balanced = self._steepest(robot, body)
-        self.limit = robot.safety.fall_tilt - _FALL_MARGIN
+        self.limit = robot.safety.most_tilt
 
     def _steepest(self, robot: Robot, body: WholeBody) -> Float:
         """Least and greatest pitch at each height, (H, 2) [rad]: by bisection, all at once, as deeper is harder."""

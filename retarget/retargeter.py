@@ -384,7 +384,14 @@ class Retargeter:
         known = view.seconds(view.tick + np.arange(view.follow, dtype=float))
         held = np.concatenate([known, np.full(len(trunk) - len(known), known[-1])])
         trunk[: view.follow] = posture.human_trunk(
-            self.gait, self.bend, schedule, window, view.body_scaling, held, self.follower.omega
+            self.gait,
+            self.bend,
+            schedule,
+            window,
+            view.body_scaling,
+            held,
+            self.follower,
+            (float(state.position[2]) / view.ease.size, float(state.velocity[2]) / view.ease.size),
         )[: view.follow]
         trunk[: view.follow, 1:3] *= view.ease.size
         # The arms of an eased plan are the whole ones made smaller about the stand pose; they go on from whole ones.

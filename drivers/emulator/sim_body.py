@@ -14,12 +14,10 @@ from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.spatial.tilt import PAST_PLAN_RAD
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
-
-FALLEN_TILT = np.radians(45)
-"""Tilt of the torso that counts as fallen, as in reports [rad]. The lowest height is reported, but not a criterion."""
 
 PICKED_UP_S = 3.0
 """Time with all torque off after which the robot is put back into its start pose [s]."""
@@ -33,7 +31,8 @@ class SimBody(Body):
 
     Attributes:
         driver: the simulated robot.
-        fell: whether the torso tilted beyond `FALLEN_TILT` while all servos held.
+        fell: whether the torso tilted further than in any plan while all servos held; the lowest height is reported,
+            but not a criterion.
     """
 
     def __init__(self, robot: Robot, options: SimOptions | None = None) -> None:
@@ -48,6 +47,7 @@ class SimBody(Body):
         self._state = RobotState(robot.n)
         self._height = float(self.driver.truth().base_position[2])
         self._origin = self.driver.truth().base_position[:2].copy()
+        self._fallen_tilt = max(robot.safety.fall_tilt, robot.safety.most_tilt + PAST_PLAN_RAD)
         self.fell, self._lowest, self._steepest = False, 1.0, 0.0
         self._walked, self._off_s = 0.0, np.inf
 
@@ -95,7 +95,7 @@ class SimBody(Body):
         height, up = self.driver.torso_height, self.driver.torso_up
         tilt = float(np.arccos(np.clip(up, -1.0, 1.0)))
         self._lowest, self._steepest = min(self._lowest, height / self._height), max(self._steepest, tilt)
-        self.fell |= tilt > FALLEN_TILT
+        self.fell |= tilt > self._fallen_tilt
 
     def _lie(self, seconds: float) -> None:
         """Count the time without torque, then put the robot back; `_off_s` is infinite before torque and after that."""

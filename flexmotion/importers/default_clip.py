@@ -125,7 +125,8 @@ def _zmp(script: Script, feet: Float, time: Float) -> Float:
         # Share of the load on the right foot.
         standing = 1.0 if step.foot == "l" else 0.0
         keys += [(step.lift, standing), (step.land, standing)]
-    keys = [keys[0], (script.steps[0].lift - 0.5, 0.5), *keys[1:], (script.steps[-1].land + 0.6, 0.5)]
+    if script.steps:
+        keys = [keys[0], (script.steps[0].lift - 0.5, 0.5), *keys[1:], (script.steps[-1].land + 0.6, 0.5)]
     share = minimum_jerk(time, keys)[:, None]
     return (1 - share) * feet[:, 0] + share * feet[:, 1]
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.foot_strikes import FootStrikes
 from flexmotion.streamer.control.get_up_move import GetUpMove
@@ -229,8 +230,7 @@ class ControlLoop:
         if state is State.OFF or inputs.get_up:
             self._check_start()
             return
-        tilted = self.estimator.tilt_angle > self.robot.safety.fall_tilt
-        inputs.fallen = bool(self.estimator.has_imu and tilted)
+        inputs.fallen = self.estimator.has_imu and self._falls()
         if self.now.balanced and not self.suspension.hung:
             believed = measured.imu_stale == 0 and not self.plausibility.imu_doubted
             falls = self.unseen.update(self.estimator, self.now, measured=believed)
@@ -256,6 +256,13 @@ class ControlLoop:
             self._hardware_fault = inputs.blocked if fault is None else fault
             inputs.fault = fault
         self.audit.watch_imu(self.estimator.has_imu)
+
+    def _falls(self) -> bool:
+        """Whether the torso is tilted further than it is to be."""
+        fall_tilt = self.robot.safety.fall_tilt
+        if self.estimator.tilt_angle <= fall_tilt:
+            return False
+        return bool(falls(lean_of_angles(*self.estimator.tilt), lean_of(self.now.base[3:]), fall_tilt))
 
     def _look_for_blocks(self) -> None:
         """Tell the ladder which joint does not follow its goals, and whether it carries the robot."""
@@ -338,6 +345,7 @@ class ControlLoop:
             self.suspension.reset()
             self.estimator.reset()
             self.unseen.sways = False
+            self.now.base[3:] = 1.0, 0.0, 0.0, 0.0
             self.gyro_bias.reset()
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.GET_UP:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.spatial.tilt import falls, lean_of
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 
@@ -16,7 +17,10 @@ TorqueSource = Literal["simulation", "servos"]
 """Where torques come from: the simulation's true state, or the servos' own measurement (of current)."""
 
 FALL_TILT_RAD = np.deg2rad(45.0)
-"""A robot whose torso is tilted further than this has fallen."""
+"""A robot that is to be upright, and whose torso is tilted further than this, has fallen."""
+
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+"""Pose of a torso that stands."""
 
 TIMES = (
     *("work_s", "lateness_s", "robot_lateness_s"),
@@ -135,6 +139,7 @@ class RunTotals:
     fall_tick: int | None = None
     last_plan: int = 0
     laid_down: bool = True
+    planned: Float = field(default_factory=UPRIGHT.copy)
 
     def fold(self, ticks: TickRow) -> None:
         """Add rows, (k,), in order."""
@@ -150,12 +155,12 @@ class RunTotals:
         self.joints = sums if self.joints is None else self.joints + sums
         self.streamed = self.streamed or bool((ticks.state == State.STREAMING).any())
         if self.fall_tick is None:
-            _, x, y, _ = ticks.true_base[:, 3:].T
-            tilted = 1.0 - 2.0 * (x * x + y * y) < np.cos(FALL_TILT_RAD)
+            tilted = toppled(ticks.true_base, ticks.base_ref, self.planned)
             fallen = np.flatnonzero(
                 (tilted & ~laid_down(ticks.state, before=self.laid_down)) | (ticks.state == State.DAMPED)
             )
             self.fall_tick = int(ticks.tick[fallen[0]]) if len(fallen) else None
+        self.planned = _last_planned(ticks.base_ref, self.planned)[-1]
         if len(ticks.state):
             self.laid_down = bool(laid_down(ticks.state, before=self.laid_down)[-1]) or ticks.state[-1] == State.PARK
 
@@ -163,6 +168,24 @@ class RunTotals:
         """Rows at which plans begin that were not played before; their ids ascend."""
         plans, first = np.unique(ticks.plan, return_index=True)
         return np.asarray(first[plans > self.last_plan])
+
+
+def toppled(base: Float, planned: Float, before: Float = UPRIGHT) -> NDArray[np.bool_]:
+    """Ticks in which a torso is tilted as no torso is that stands, or bows as planned.
+
+    Args:
+        base: position and quaternion w x y z, (k, 7); one that is unknown (NaN) has not toppled.
+        planned: likewise; where no plan plays (NaN), that of the last one counts: a robot may be parked out of a bow.
+        before: planned before the first tick, (7,).
+    """
+    return falls(lean_of(base[:, 3:]), lean_of(_last_planned(planned, before)[1:, 3:]), FALL_TILT_RAD)
+
+
+def _last_planned(planned: Float, before: Float) -> Float:
+    """What was planned last before each tick, and after the last one, (k + 1, 7)."""
+    rows = np.concatenate([before[None], planned])
+    known = np.where(np.isfinite(rows[:, 3]), np.arange(len(rows)), 0)
+    return rows[np.maximum.accumulate(known)]
 
 
 def laid_down(states: NDArray[np.integer], *, before: bool = True) -> NDArray[np.bool_]:

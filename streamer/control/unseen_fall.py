@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles
 from flexmotion.streamer.control.estimator import Estimator, roll_pitch
 from flexmotion.streamer.control.reference import Reference
 
@@ -61,4 +62,6 @@ class UnseenFall:
         diverging *= grows
         converging /= grows
         tilt = level + 0.5 * (diverging + converging)
-        return not estimator.has_imu and math.hypot(*tilt) > self._limit
+        if estimator.has_imu:
+            return False
+        return bool(falls(lean_of_angles(*tilt), lean_of(planned.base[3:]), self._limit))

@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexmotion.spatial.heading import continuous_heading
+from flexmotion.spatial.tilt import tilt_of
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_totals import FALL_TILT_RAD
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.palette import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import empty, new_figure
-from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, tilt
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 Float = NDArray[np.float64]
 
@@ -91,10 +92,10 @@ def _feet(axes: Axes, record: RunTrace, figures: RobotFigures, t: Float) -> None
 
 def _tilt(axes: Axes, record: RunTrace, t: Float) -> None:
     base = record.true_base[: record.used]
-    axes.plot(t, np.degrees(tilt(base[:, 3:])), color=MIDDLE)
-    axes.plot(t, np.degrees(tilt(record.base_ref[: record.used, 3:])), color=INK, linestyle="--", linewidth=0.9)
+    axes.plot(t, np.degrees(tilt_of(base[:, 3:])), color=MIDDLE)
+    axes.plot(t, np.degrees(tilt_of(record.base_ref[: record.used, 3:])), color=INK, linestyle="--", linewidth=0.9)
     axes.axhline(np.degrees(FALL_TILT_RAD), color=WARN, linewidth=0.8)
-    axes.set(ylabel="torso tilt °", ylim=(0, 50))
+    axes.set(ylabel="torso tilt °", ylim=(0, 80))
     _note(axes, "dashed: planned; red: fallen")
 
 

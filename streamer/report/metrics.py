@@ -19,15 +19,15 @@ from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_totals import FALL_TILT_RAD, laid_down
+from flexmotion.streamer.control.run_totals import UPRIGHT, laid_down, toppled
 from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FALL_HEIGHT_SHARE = 0.6
-"""The robot has fallen if its torso tilts further than `FALL_TILT_RAD`, or is lower than this share of its standing
-height."""
+"""The robot has fallen if its torso has toppled (`flexmotion/spatial/tilt.py`), or is lower than this share of its
+standing height."""
 MAX_LAG_S = 0.1
 """Longest delay between reference and measurement that counts as lag instead of error."""
 LOADED_SHARE = 0.05
@@ -201,22 +201,19 @@ def way(base: Float, stands: Mask, off: Mask) -> tuple[Float, Float]:
     return position, heading
 
 
-def tilt(quaternion: Float) -> Float:
-    """Angle between a body's up axis and the world's, (T,) [rad], from unit quaternions w x y z (T, 4); NaN stays."""
-    _, x, y, _ = quaternion.T
-    return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
-
-
-def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int | None:
+def first_fall(
+    base: Float, planned: Float, standing_height: float, should_stand: Mask, before: Float = UPRIGHT
+) -> int | None:
     """First tick at which the torso is tilted too far or, while it should stand, too low.
 
     Args:
         base: torso position and quaternion w x y z, (T, 7); NaN rows are ignored.
+        planned, before: as of `toppled`.
         standing_height: of the torso's origin [m].
         should_stand: (T,); False while the robot crouches on purpose (parking).
     """
     low = should_stand & (base[:, 2] < FALL_HEIGHT_SHARE * standing_height)
-    fallen = np.flatnonzero(low | (tilt(base[:, 3:]) > FALL_TILT_RAD))
+    fallen = np.flatnonzero(low | toppled(base, planned, before))
     return int(fallen[0]) if len(fallen) else None
 
 
@@ -305,7 +302,8 @@ def motion_figures(
     base, q_ref, q = record.true_base[rows], record.q_ref[rows, robot.legs], record.q[rows, robot.legs]
     known = np.isfinite(base).all(axis=1)
     lies = laid_down(record.state[rows], before=record.totals.laid_down)
-    fall = first_fall(np.where(lies[:, None], np.nan, base), robot.standing_height, should_stand)
+    standing = np.where(lies[:, None], np.nan, base)
+    fall = first_fall(standing, record.base_ref[rows], robot.standing_height, should_stand, record.totals.planned)
     upright = np.arange(record.used) < (record.used if fall is None else fall)
     playing = np.isfinite(record.source_s[rows]) & upright
 

@@ -38,8 +38,13 @@ def test_a_crouching_robot_bends_less_deep(bend: TrunkBend) -> None:
     assert (np.diff(bend.balanced[:, 1]) > 0).all()
 
 
-def test_plans_stay_away_from_what_counts_as_a_fall(retargeter: Retargeter, bend: TrunkBend) -> None:
+def test_plans_bow_no_further_than_the_robot_file_says(retargeter: Retargeter, bend: TrunkBend) -> None:
     least, most = bend.bounds(np.linspace(0.1, 0.25, 7))
-    tilt = retargeter.robot.safety.fall_tilt
-    assert (most <= tilt - 0.08).all() and (least >= 0.08 - tilt).all()
-    assert (bend.balanced[-1, 1] > most[-1]).all()  # at standing height the fall bounds it, not balance
+    tilt = retargeter.robot.safety.bow_tilt
+    assert tilt is not None and (most <= tilt).all() and (least >= -tilt).all()
+    assert (bend.balanced[-1, 1] > most[-1]).all()  # at standing height the file bounds it, not balance
+
+
+def test_without_a_proof_plans_stay_away_from_what_counts_as_a_fall(retargeter: Retargeter, bend: TrunkBend) -> None:
+    safety = retargeter.robot.safety.model_copy(update={"bow_tilt": None})
+    assert safety.most_tilt == pytest.approx(safety.fall_tilt - 0.085)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,11 +27,18 @@ def standing(retargeter: Retargeter) -> Schedule:
 def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion], HumanWindow]) -> Callable:
     """Function motion -> targets of the trunk of a robot that stands, (T, 4)."""
 
-    def make(motion: Motion) -> np.ndarray:
+    def make(motion: Motion, schedule: Schedule | None = None) -> np.ndarray:
         scaling = Scaling(retargeter.body.leg_length / motion.body.leg, 0.0, motion.body.segments.hip_width)
         seconds = np.arange(ROWS) / 125.0
         return human_trunk(
-            retargeter.gait, retargeter.bend, standing, window(motion), scaling, seconds, retargeter.follower.omega
+            retargeter.gait,
+            retargeter.bend,
+            schedule or standing,
+            window(motion),
+            scaling,
+            seconds,
+            retargeter.follower,
+            (0.0, 0.0),
         )
 
     return make
@@ -55,7 +63,17 @@ def test_a_bow_tilts_the_trunk_within_its_bounds(
     assert trunk(stand(40, lumbar_extension=-0.4))[-1, 2] == pytest.approx(0.4, abs=0.03)
     deep = trunk(stand(40, lumbar_extension=-1.4))[-1]
     _, most = retargeter.bend.bounds(deep[0])
-    assert deep[2] == pytest.approx(most) and 0.65 < most < retargeter.robot.safety.fall_tilt
+    assert deep[2] == pytest.approx(most) and 1.0 < most <= retargeter.robot.safety.most_tilt
+
+
+def test_near_steps_the_trunk_bows_less_and_slowly(
+    retargeter: Retargeter, standing: Schedule, trunk: Callable, stand: Callable[..., Motion]
+) -> None:
+    """A human bowed while its robot walked: the hip of the swinging leg lagged by 18°, its toes struck, it fell."""
+    walking = replace(standing, walking=np.ones(ROWS, bool))
+    pitch = trunk(stand(40, lumbar_extension=-1.4), walking)[:, 2]
+    assert pitch.max() < 0.45 and np.diff(pitch, prepend=0.0).max() * 125.0 <= 0.5 + 1e-9
+    assert trunk(stand(40, lumbar_extension=-1.4))[0, 2] > 1.0
 
 
 def test_a_squat_lowers_the_hips_to_the_lowest_height_at_most(

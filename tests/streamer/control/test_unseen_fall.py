@@ -53,7 +53,9 @@ def test_a_robot_that_sways_falls_as_fast_as_a_pendulum(swaying: Swaying, tilt: 
     """It was upright for ever: the tilt of a robot without an IMU is that of its plan."""
     swaying.measure(tilt, 0.0)
     takes = math.acosh(swaying.robot.safety.fall_tilt / tilt) / OMEGA
-    assert swaying.falls_after(2.0) == pytest.approx(takes, abs=0.01)
+    assert swaying.falls_after(2.0) == pytest.approx(
+        takes, abs=0.02
+    )  # roll and pitch together tilt by less than their sum of squares
 
 
 def test_a_robot_that_is_still_upright_falls_by_its_speed(swaying: Swaying) -> None:

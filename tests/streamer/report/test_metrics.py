@@ -26,30 +26,41 @@ def quaternion(axis: str, degrees: float) -> np.ndarray:
     return Rotation.from_euler(axis, degrees, degrees=True).as_quat(scalar_first=True)
 
 
-@deterministic
-@given(st.floats(0, 180), st.floats(-180, 180), st.sampled_from(["x", "y"]))
-def test_tilt_is_the_angle_of_the_up_axis_whatever_the_heading(degrees: float, yaw: float, axis: str) -> None:
-    turned = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_euler(axis, degrees, degrees=True)
-    assert np.degrees(metrics.tilt(turned.as_quat(scalar_first=True)[None])[0]) == pytest.approx(degrees, abs=1e-4)
-
-
 @pytest.mark.parametrize(
     ("degrees", "height", "expected"), [(44, 0.3, None), (46, 0.3, 1), (0, 0.19, None), (0, 0.17, 1)]
 )
 def test_fall_is_tilt_or_height(degrees: float, height: float, expected: int | None) -> None:
     base = np.array([[0, 0, 0.3, 1, 0, 0, 0], [0, 0, height, *quaternion("y", degrees)]])
-    assert metrics.first_fall(base, 0.3, np.ones(2, bool)) == expected
+    assert metrics.first_fall(base, np.full((2, 7), np.nan), 0.3, np.ones(2, bool)) == expected
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(70, None), (80, 1), (-46, 1)])
+def test_a_bow_is_a_fall_where_it_goes_beyond_its_plan(degrees: float, expected: int | None) -> None:
+    """Each bow of more than 45° was a fall, so that a robot that can bow to 79° bowed to 40."""
+    base = np.array([[0, 0, 0.3, 1, 0, 0, 0], [0, 0, 0.3, *quaternion("y", degrees)]])
+    planned = np.array([[0, 0, 0.3, *quaternion("y", 65)]] * 2)
+    assert metrics.first_fall(base, planned, 0.3, np.ones(2, bool)) == expected
+
+
+def test_a_robot_that_is_parked_out_of_a_bow_has_not_fallen() -> None:
+    base = np.array([[0, 0, 0.3, *quaternion("y", 60)]] * 3)
+    planned = np.full((3, 7), np.nan)
+    planned[0] = base[0]
+    assert metrics.first_fall(base, planned, 0.3, np.zeros(3, bool)) is None
+    assert metrics.first_fall(base[1:], planned[1:], 0.3, np.zeros(2, bool), before=planned[0]) is None
+    assert metrics.first_fall(base[1:], planned[1:], 0.3, np.zeros(2, bool)) == 0
 
 
 def test_crouching_on_purpose_is_no_fall_and_tilting_is_always_one() -> None:
     low = np.array([[0, 0, 0.1, 1, 0, 0, 0]])
-    assert metrics.first_fall(low, 0.3, np.zeros(1, bool)) is None
+    assert metrics.first_fall(low, low, 0.3, np.zeros(1, bool)) is None
     tilted = np.array([[0, 0, 0.3, *quaternion("x", 60)]])
-    assert metrics.first_fall(tilted, 0.3, np.zeros(1, bool)) == 0
+    assert metrics.first_fall(tilted, low, 0.3, np.zeros(1, bool)) == 0
 
 
 def test_unknown_pose_is_no_fall() -> None:
-    assert metrics.first_fall(np.full((3, 7), np.nan), 0.3, np.ones(3, bool)) is None
+    unknown = np.full((3, 7), np.nan)
+    assert metrics.first_fall(unknown, unknown, 0.3, np.ones(3, bool)) is None
 
 
 @deterministic

@@ -19,11 +19,11 @@ from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.human_steps import count_steps
+from flexmotion.spatial.tilt import tilt_of
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
-from flexmotion.streamer.report.metrics import tilt
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
@@ -109,7 +109,7 @@ class Run:
     @property
     def tilt(self) -> float:
         """Angle of the torso against the vertical at the end [rad]."""
-        return float(tilt(self.driver.truth().base_quaternion[None])[0])
+        return float(tilt_of(self.driver.truth().base_quaternion))
 
     def messages(self, kind: str) -> list[str]:
         return [event.message for event in self.record.events if event.kind == kind]
@@ -190,8 +190,7 @@ def test_the_default_clip_ends_off_parked_and_upright(whole: Run, op3: Robot) ->
     parked = record.true_q[record.used - 1]
     assert np.abs(parked - op3.rest_pose).max() < 0.25
     streaming = record.state[: record.used] == State.STREAMING
-    up = 1 - 2 * (record.true_base[: record.used, 4] ** 2 + record.true_base[: record.used, 5] ** 2)
-    assert np.arccos(up[streaming]).max() < op3.safety.fall_tilt
+    assert tilt_of(record.true_base[: record.used, 3:])[streaming].max() < op3.safety.most_tilt + 0.05
 
 
 def test_it_makes_the_steps_of_the_clip(whole: Run) -> None:

@@ -1,0 +1,106 @@
+"""A robot that bows deeper than an upright one may be tilted: it is no fall until it goes beyond its plan."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import Script, build_clip
+from flexmotion.spatial.tilt import tilt_of
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_totals import toppled
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
+
+BOWED_S = 2.4
+"""When the human of `bow` is deep in it [s]."""
+
+
+@pytest.fixture(scope="module")
+def bow() -> Motion:
+    """A human who bows to 80 degrees within a second, holds it for a second, and straightens up."""
+
+    def keys(angle: float) -> list[tuple[float, float]]:
+        return [(1.0, 0.0), (2.0, angle), (3.0, angle), (4.0, 0.0)]
+
+    script = Script(
+        fps=30.0,
+        seconds=5.0,
+        joints={"lumbar_extension": keys(-32.0)},
+        pelvis_tilt=keys(48.0),
+        pelvis_drop=[(0, 0.02)],
+        clearance=0.09,
+        steps=[],
+    )
+    return build_clip(script, Body())
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+def bowing(robot: Robot, bow: Motion) -> Session:
+    source = ClipSource(bow)
+    return Session(robot, SimDriver(robot), source, load_stream(), source.seconds)
+
+
+def until_bowed(session: Session) -> None:
+    while not session.record.used or not session.record.source_s[-1] >= BOWED_S:
+        assert session.step()
+
+
+def test_a_bow_beyond_the_tilt_of_a_fall_is_played_to_its_end(op3: Robot, bow: Motion) -> None:
+    """A robot that can bow to 79° bowed to 40: any tilt of more than 45° ended the run as a fall."""
+    session = bowing(op3, bow)
+    record = session.run()
+    deepest = float(np.nanmax(tilt_of(record.true_base[:, 3:])))
+    assert op3.safety.fall_tilt + 0.3 < deepest < op3.safety.most_tilt + 0.1
+    assert State.FAULT not in record.state and not toppled(record.true_base, record.base_ref).any()
+    assert record.violations_sent == 0
+
+
+@pytest.mark.parametrize("request_", [Request.STOP, Request.ESTOP, Request.DISARM])
+def test_a_stop_in_a_bow_is_no_fall(op3: Robot, bow: Motion, request_: Request) -> None:
+    """Parked out of an emergency stop the robot has no plan any more, and is still as tilted as it was."""
+    with bowing(op3, bow) as session:
+        until_bowed(session)
+        session.ask(request_)
+        while session.step():
+            pass
+        record = session.record
+    held = ~np.isin(record.state, (State.OFF, State.FAULT))
+    assert State.DAMPED not in record.state
+    assert not toppled(record.true_base, record.base_ref)[held].any()
+    assert not any("fall" in event.message for event in record.events)
+
+
+def test_a_robot_that_is_thrown_over_in_a_bow_gives_way_before_it_lies(op3: Robot, bow: Motion) -> None:
+    with bowing(op3, bow) as session:
+        until_bowed(session)
+        driver = session.driver
+        assert isinstance(driver, SimDriver)
+        driver.push((4.0, 0.0, 0.0), 0.1)
+        while session.step():
+            pass
+        record = session.record
+    noticed = int(np.argmax(record.state == State.DAMPED))
+    assert noticed > 0 and tilt_of(record.true_base[noticed, 3:]) < np.radians(85.0)
+    assert any("fall" in event.message for event in record.events)
+
+
+def test_the_report_counts_no_fall_in_a_bow_that_was_forgotten(op3: Robot, bow: Motion) -> None:
+    """The totals of a long run have a rule of their own, which counted every bow."""
+    session = bowing(op3, bow)
+    record = session.run()
+    half = int(np.argmax(record.source_s >= BOWED_S))
+    record.totals.fold(TickRow(record.rows[:half]))
+    record.totals.fold(TickRow(record.rows[half:]))
+    assert record.totals.fall_tick is None
