@@ -8,7 +8,7 @@ from math import pi
 from flexmotion.text.amounts import Amount
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import stem, taught
+from flexmotion.text.wording import begins, stem, taught
 
 TO_WHICH_SIDE = "turning: to the left or to the right?"
 """Refusal of a turn without a side."""
@@ -94,10 +94,18 @@ def destinations(words: list[str]) -> list[str]:
             own = known.words("undestined") | known.words("directions") | known.words("look")
             if phrase == "into" and _names_motion(rest):
                 continue
-            thing = bool(known.words("room_things") & set(rest))
+            thing = bool(known.words("room_things") & set(rest)) or (
+                phrase in known.words("toward") and words[0] in known.words("walk_verbs") and _is_seen_nowhere(rest)
+            )
             if thing or (rest and not any(word in own for word in rest)):
                 return [" ".join(words[place:])]
     return []
+
+
+def _is_seen_nowhere(words: list[str]) -> bool:
+    """Whether words are of somebody whom the robot does not see, or of a part of a room: "other side of the room"."""
+    known = vocabulary()
+    return bool(known.words("persons") & set(words)) or begins(list(words), 0, known.phrases("room_parts")) is not None
 
 
 def _names_motion(words: list[str]) -> bool:
