@@ -95,7 +95,7 @@ CATALOGUE = (
     ),
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "1 fall in 200 changes; another early end or bad goal"),
-    Benchmark("robot/bows", "4 min", (), "a robot topples, a fall is noticed late, a goal outside"),
+    Benchmark("robot/bows", "4 min", (), "a robot topples, a fall is noticed beyond 80°, a goal outside"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),
     Benchmark(
         "robot/pushes", "4 min", (), ".3 N·s upright below 98 % (standing), 90 % (walking); recoverable ones below 95 %"

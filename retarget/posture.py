@@ -28,8 +28,8 @@ gears have more inertia than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N�
 _ROLL, _PITCH_BACK = 0.20, 0.20
 """Bounds of the torso's roll, and of its pitch to the back [rad]; forward, `TrunkBend` bounds it."""
 _WALKING_PITCH, _WALKING_PITCH_SPEED = 0.42, 0.5
-"""Bounds of the pitch forward, and of the speed of pitch, near steps [rad, rad/s]: what the trunk turns, the hip of a
-swinging leg turns too, whose servo is at its bounds already."""
+"""Bounds of the pitch forward, and of the speed with which it deepens, near steps [rad, rad/s]: what the trunk turns,
+the hip of a swinging leg turns too, whose servo is at its bounds already."""
 _WALKING_TILT = (0.35, 0.7)
 """Shares of the human's trunk tilt, roll and pitch, that the robot follows near steps."""
 _TWIST = 0.5
@@ -111,18 +111,18 @@ def human_trunk(
     wanted = np.clip(pitch_gain * ahead(tilt[:, 1], 2), np.maximum(least, -_PITCH_BACK), most)
     begin, speed = pitch
     most_change = np.where(schedule.walking, _WALKING_PITCH_SPEED * follower.dt, np.inf)
-    targets[:, 2] = slowed(wanted, most_change, begin + lead[2] * speed)
+    targets[:, 2] = deepened(wanted, most_change, begin + lead[2] * speed)
     yaw = ahead(window.yaws[:, 2], 3) + scaling.heading
     targets[:, 3] += np.clip(yaw - targets[:, 3], -_TWIST, _TWIST)
     return targets
 
 
-def slowed(targets: Float, most: Float, begin: float) -> Float:
-    """Targets (T,) that change by so much a row at most, (T,), from where they begin."""
+def deepened(targets: Float, most: Float, begin: float) -> Float:
+    """Targets (T,) that move away from 0 by so much a row at most, (T,), from where they begin, and back at once."""
     place, found = begin, list[float]()
     # Plain numbers: numpy takes ten times as long for one at a time.
     for target, reach in zip(targets.tolist(), most.tolist(), strict=True):
-        place = min(max(target, place - reach), place + reach)
+        place = min(max(target, min(place, 0.0) - reach), max(place, 0.0) + reach)
         found.append(place)
     return np.array(found)
 

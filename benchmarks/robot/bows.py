@@ -2,9 +2,9 @@
 
 A clip's human bows at least as deep as the robot's `safety.bow_tilt`, holds it and straightens up; the robot follows in
 lockstep, its clip's way slow and fast. At moments from the first lean to the last the run is split: an operator stops
-it, stops it at once, disarms it, or a hand pushes it from behind and from ahead; or nothing happens. A robot has
-toppled if it is tilted further than its plan (`flexmotion/spatial/tilt.py`) before its torque is off. A last push
-throws it over: that must be noticed as soon as its torso is level.
+it, stops it at once, disarms it, its IMU's cable is pulled, or a hand pushes it from behind and from ahead; or nothing
+happens. A robot has toppled if it is tilted further than its plan (`flexmotion/spatial/tilt.py`) before its torque is
+off. Other pushes throw it over, to each side, and while it parks after an emergency stop: each fall must be noticed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
@@ -41,16 +42,28 @@ DEPTHS, SECONDS = (55.0, 85.0), (0.6, 1.2)
 """Pitches of the trunk [degrees], and times in which the human reaches them [s]."""
 FIRST_S, HELD_S, AFTER_S = 1.0, 0.8, 2.5
 """The human stands, holds the bow, and stands again for so long [s]."""
-EVENTS = ("nothing", "stop", "emergency stop", "disarm", "push ahead", "push back", "thrown ahead")
 REQUESTS = {"stop": Request.STOP, "emergency stop": Request.ESTOP, "disarm": Request.DISARM}
-PUSH_NS, PUSH_S = 0.3, 0.1
-"""A hand's push at the torso [N·s], and its time [s]."""
-THROW_NS = 4.0
-"""A push that no robot of this size stands."""
+PUSHES = {
+    "push ahead": (0.3, 0.0),
+    "push back": (-0.3, 0.0),
+    "thrown ahead": (4.0, 0.0),
+    "thrown back": (-4.0, 0.0),
+    "thrown left": (0.0, 4.0),
+    "thrown right": (0.0, -4.0),
+    "thrown as it parks": (2.0, 0.0),
+}
+"""Impulses of a hand at the torso, ahead and to the left [N·s]; no robot of this size stands those of throws."""
+EVENTS = ("nothing", *REQUESTS, "no IMU", *PUSHES)
+PUSH_S = 0.1
+"""Time of a push [s]."""
+PARKS_S = 1.5
+"""After an emergency stop the robot is on its way to rest [s]."""
 WATCHED_S = 6.0
 """Longest time that a run is watched after an event [s]."""
-LEVEL = np.radians(85.0)
-"""Tilt of a torso that lies, nearly [rad]."""
+LIES = np.radians(60.0)
+"""Tilt of a torso that lies once it has come to rest, on whatever it lies [rad]; parked ones lean by 30 degrees."""
+NOTICED_DEG = 80.0
+"""Tilt at which a fall is noticed at the latest."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +75,8 @@ class Trial:
         deepest_deg: greatest tilt before the torque was off.
         beyond_deg: how much further than its plan it was tilted at most, upright parts left out.
         upright: it never toppled before its torque was off.
-        noticed_s: from when the torso lay level until the fall was noticed, below 0 before it [s]; NaN: it never lay.
+        lies: whether it lay in the end.
+        noticed_deg: tilt at which its fall was noticed, or that at the end where none was; NaN: it did not lie.
         violations: goals outside the servos' envelope.
     """
 
@@ -75,7 +89,8 @@ class Trial:
     deepest_deg: float
     beyond_deg: float
     upright: bool
-    noticed_s: float
+    lies: bool
+    noticed_deg: float
     violations: int
 
 
@@ -101,18 +116,34 @@ def bowing(depth_deg: float, seconds: float) -> Motion:
     return build_clip(script, Body())
 
 
+def pull_imu(driver: SimDriver) -> None:
+    """From now on the IMU does not answer."""
+    read, missed = driver.read, 0
+
+    def silent(state: RobotState) -> None:
+        nonlocal missed
+        missed += 1
+        read(state)
+        state.imu_stale = missed
+
+    setattr(driver, "read", silent)  # noqa: B010
+
+
 def met(session: Session, event: str, depth_deg: float, seconds: float, perturbed: bool, seed: int) -> Trial:
     """Let an event meet a session that bows, and watch it until the torque is off, or it stands again."""
     begin, rate = session.state.tick, session.robot.rate_hz
     pitch = float(np.degrees(tilt_of(session.record.true_base[-1, 3:])))
     if event in REQUESTS:
         session.ask(REQUESTS[event])
-    elif event != "nothing":
-        way = -1.0 if event == "push back" else 1.0
-        impulse = THROW_NS if event == "thrown ahead" else PUSH_NS
-        driver = session.driver
-        assert isinstance(driver, SimDriver)
-        driver.push((way * impulse, 0.0, 0.0), PUSH_S)
+    driver = session.driver
+    assert isinstance(driver, SimDriver)
+    if event == "thrown as it parks":
+        session.ask(Request.ESTOP)
+        session.advance(PARKS_S)
+    if event in PUSHES:
+        driver.push((*PUSHES[event], 0.0), PUSH_S)
+    if event == "no IMU":
+        pull_imu(driver)
     while session.state.tick < begin + WATCHED_S * rate and session.step():
         pass
     record = session.record
@@ -123,11 +154,9 @@ def met(session: Session, event: str, depth_deg: float, seconds: float, perturbe
     wanted = tilt_of(planned[:, 3:])
     bends = wanted > np.radians(30.0)
     beyond = (lean - wanted)[bends]
-    noticed = np.flatnonzero(np.isin(record.state[rows], (State.DAMPED, State.FAULT)))
-    level = np.flatnonzero(tilt_of(record.true_base[rows, 3:]) > LEVEL)
-    late = (
-        (noticed[0] - level[0]) / rate if len(noticed) and len(level) else float("inf") if len(level) else float("nan")
-    )
+    every = tilt_of(record.true_base[rows, 3:])
+    lies = bool(every[-1] > LIES)
+    noticed = np.flatnonzero(record.state[rows] == State.DAMPED)
     return Trial(
         depth_deg,
         seconds,
@@ -137,8 +166,9 @@ def met(session: Session, event: str, depth_deg: float, seconds: float, perturbe
         pitch_deg=pitch,
         deepest_deg=float(np.degrees(lean.max())),
         beyond_deg=float(np.degrees(beyond.max())) if len(beyond) else 0.0,
-        upright=not toppled(base, planned, record.base_ref[begin - 1]).any(),
-        noticed_s=float(late),
+        upright=not toppled(base, planned).any(),
+        lies=lies,
+        noticed_deg=float(np.degrees(every[noticed[0] if len(noticed) else -1])) if lies else float("nan"),
         violations=record.violations_sent,
     )
 
@@ -165,20 +195,21 @@ def bow_once(task: tuple[float, float, bool, int], moments: int, robot_name: str
 
 def table(done: list[Trial]) -> Table:
     """One row an event and robot."""
-    out = Table("event", "robot", "upright", "deepest °", "beyond its plan °", "noticed after level [s]", "outside")
+    out = Table("event", "robot", "upright", "deepest °", "beyond its plan °", "fell", "noticed at °", "outside")
     for event in EVENTS:
         for hard in (False, True):
             group = [t for t in done if t.event == event and t.perturbed == hard]
             if not group:
                 continue
-            late = [t.noticed_s for t in group if np.isfinite(t.noticed_s)]
+            late = [t.noticed_deg for t in group if t.lies]
             out.add_row(
                 event,
                 "perturbed" if hard else "nominal",
                 f"{sum(t.upright for t in group)} of {len(group)}",
                 f"{max(t.deepest_deg for t in group):.0f}",
                 f"{max((t.beyond_deg for t in group if t.upright), default=0.0):.1f}",
-                f"{max(late):+.3f}" if late else "",
+                str(len(late)),
+                f"{max(late):.0f}" if late else "",
                 str(sum(t.violations for t in group)),
             )
     return out
@@ -198,20 +229,20 @@ def main(
     runs = in_order(partial(bow_once, moments=moments, robot_name=robot), tasks, jobs)
     done = [trial for found in runs for trial in found]
     Console(width=120).print(table(done))
-    thrown = [t for t in done if t.event == "thrown ahead" and not np.isnan(t.noticed_s)]
-    stays = [t for t in done if t.event != "thrown ahead"]
+    stays = [t for t in done if not t.event.startswith("thrown")]
+    fell = [t for t in done if t.lies]
     verdicts = []
     for hard in (False, True):
         up = [t.upright for t in stays if t.perturbed == hard]
         verdicts.append(Verdict(f"{'perturbed' if hard else 'nominal'}: upright {sum(up)} of {len(up)} (all)", all(up)))
-    late = max((t.noticed_s for t in thrown), default=0.0)
+    late = max((t.noticed_deg for t in fell), default=0.0)
     verdicts.append(
-        Verdict(f"falls of {len(thrown)} thrown robots noticed {late:+.3f} s after level (<= 0)", late <= 0.0)
+        Verdict(f"{len(fell)} falls noticed at {late:.0f}° at the latest (<= {NOTICED_DEG:g})", late <= NOTICED_DEG)
     )
     outside = sum(t.violations for t in stays)
     verdicts.append(Verdict(f"goals outside the envelope: {outside} (0)", outside == 0))
     if csv_out is not None:
         write_csv(csv_out, [asdict(t) for t in done])
     beyond = max((t.beyond_deg for t in stays if t.upright), default=0.0)
-    figures = {"upright": share([t.upright for t in stays]), "beyond_deg": beyond, "noticed_s": late}
+    figures = {"upright": share([t.upright for t in stays]), "beyond_deg": beyond, "noticed_deg": late}
     return Outcome(verdicts, figures)

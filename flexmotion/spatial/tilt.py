@@ -13,8 +13,7 @@ Float = NDArray[np.float64]
 
 PAST_PLAN_RAD = 0.2
 """Tilt beyond a planned tilt that is itself as far as that of a fall, from which on a robot falls [rad]. In bows of
-66° perturbed OP3 that are pushed come .08 beyond their plans, those that an emergency stop freezes .14; one that falls
-is noticed before its torso is level (`benchmarks/robot/bows.py`)."""
+66° perturbed OP3 that are pushed or stopped come .09 beyond their plans (`benchmarks/robot/bows.py`)."""
 
 
 def lean_of(quaternion: Float) -> Float:
@@ -58,9 +57,10 @@ def falls(lean: Float, planned: Float, fall_tilt: float) -> NDArray[np.bool_]:
 
     Args:
         lean: measured, (..., 2) [rad]; NaN does not fall.
-        planned: likewise, (..., 2) [rad].
+        planned: likewise, (..., 2) [rad]; one that is unknown (NaN) is upright.
         fall_tilt: tilt that is a fall of a robot that is to be upright [rad].
     """
+    planned = np.where(np.isfinite(planned), planned, 0.0)
     far = np.hypot(planned[..., 0], planned[..., 1])
     way = planned / np.maximum(far, 1e-9)[..., None]
     along = np.sum(lean * way, axis=-1)

@@ -185,6 +185,18 @@ def roll_pitch(quaternion: Float) -> tuple[float, float]:
     return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(sine)
 
 
+def planned_tilt_rate(planned: Reference, dt: float) -> Float:
+    """Rates of roll and pitch of the torso that a plan has from this row to the next, (2,) [rad/s]; else 0.
+
+    Args:
+        dt: time of a row [s].
+    """
+    if not planned.balanced:
+        return np.zeros(2)
+    found: Float = np.subtract(roll_pitch(planned.base_after[3:]), roll_pitch(planned.base[3:])) / dt
+    return found
+
+
 def yaw_of(quaternion: Float) -> float:
     """Yaw [rad] of a quaternion w x y z (z-y-x order)."""
     w, x, y, z = quaternion

@@ -63,8 +63,8 @@ class Inputs:
         plan_ready: there is a plan to play; plan_over: its stop tail has been played.
         move_done: the slow move of this state is done, or the robot has got up.
         get_up_failed: why it does not get up, or None.
-        fallen: the torso is tilted past the robot's limit.
-        unseen: it swayed as the IMU was lost, and is past that limit by now if it has fallen on.
+        fallen: the torso is tilted further than it is to be.
+        unseen: it swayed as the IMU was lost, and is tilted so by now if it has fallen on.
         fault: why servos, sensors, supply or planner require an orderly end, or None.
         blocked: why a joint cannot go where its goals lead it, or None: the plan cannot be played on.
         stands: that joint carries the robot, which must not be lowered before somebody holds it.

@@ -12,7 +12,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles
-from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.estimator import Estimator, planned_tilt_rate
 from flexmotion.streamer.control.foot_strikes import FootStrikes
 from flexmotion.streamer.control.get_up_move import GetUpMove
 from flexmotion.streamer.control.gyro_bias import GyroBias
@@ -46,6 +46,9 @@ _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
 _JUDGED = (State.READY, State.STREAMING, State.HOLD)
 """States in which joints must follow their goals. In PARK the ground or a hand may be in the way."""
 _MAY_HOLD = "their joints may be stiff; switch the power off"
+_FALLS_ON_S = 0.05
+"""A torso beyond the tilt of a fall that keeps its turn beyond the plan's for so long has fallen, if it is then too far
+from its plan [s]."""
 _LATE_TICKS = 3
 """Ticks from one to the next after which goals begin where the servos hold them."""
 _STAND_MOVE_S = 0.5
@@ -262,7 +265,11 @@ class ControlLoop:
         fall_tilt = self.robot.safety.fall_tilt
         if self.estimator.tilt_angle <= fall_tilt:
             return False
-        return bool(falls(lean_of_angles(*self.estimator.tilt), lean_of(self.now.base[3:]), fall_tilt))
+        lean, planned = lean_of_angles(*self.estimator.tilt), lean_of(self.now.base[3:])
+        # In a bow little is left below the robot: it falls where its turn beyond the plan will have led it.
+        beyond = self.estimator.tilt_rate - planned_tilt_rate(self.now, 1.0 / self.robot.rate_hz)
+        roll, pitch = _FALLS_ON_S * beyond
+        return bool(falls(lean, planned, fall_tilt) or falls(lean + [pitch, -roll], planned, fall_tilt))
 
     def _look_for_blocks(self) -> None:
         """Tell the ladder which joint does not follow its goals, and whether it carries the robot."""
@@ -311,7 +318,7 @@ class ControlLoop:
                 self.inputs.get_up = False
                 self._emit("refused", f"{GET_UP}: {reason}")
             return
-        reason = reason or why_not_arm(self.robot, self.estimator)
+        reason = reason or why_not_arm(self.robot, self.estimator, self.state.accel)
         if reason is None:
             return
         self.inputs.start = False

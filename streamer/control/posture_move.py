@@ -1,4 +1,8 @@
-"""`PostureMove`: slow moves between poses with both feet on the ground: to the stand pose, and to the rest pose."""
+"""`PostureMove`: slow moves between poses with both feet on the ground: to the stand pose, and to the rest pose.
+
+The torso is planned to be as its feet, flat on the ground, have it: parked out of a bow it comes up, and falls where it
+does not.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ class PostureMove:
         self._feet = list(robot.foot_ids)
         self.start, self.goal = np.zeros(robot.n), np.zeros(robot.n)
         self.ticks = self.tick = 0
-        self._torque = np.zeros((_KNOTS, robot.n))
+        self._torque, self._attitude = np.zeros((_KNOTS, robot.n)), np.tile([1.0, 0.0, 0.0, 0.0], (_KNOTS, 1))
 
     def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
         """Plan a move.
@@ -50,7 +54,9 @@ class PostureMove:
         seconds = max(least_s, MINIMUM_JERK_PEAK * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
         self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
         part = np.linspace(0.0, 1.0, _KNOTS)[:, None]
-        np.copyto(self._torque, self._holding_torque(self.start + part * (self.goal - self.start)))
+        torque, attitude = self._held(self.start + part * (self.goal - self.start))
+        np.copyto(self._torque, torque)
+        np.copyto(self._attitude, attitude)
 
     @property
     def done(self) -> bool:
@@ -66,20 +72,22 @@ class PostureMove:
         np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)
         place = now * (_KNOTS - 1)
         knot = min(int(place), _KNOTS - 2)
-        before, following = self._torque[knot], self._torque[knot + 1]
-        np.copyto(reference.torque, before + (place - knot) * (following - before))
+        part = place - knot
+        np.copyto(reference.torque, self._torque[knot] + part * (self._torque[knot + 1] - self._torque[knot]))
+        mean = self._attitude[knot] + part * (self._attitude[knot + 1] - self._attitude[knot])
+        reference.base[3:] = mean / np.linalg.norm(mean)
         reference.stiffness.fill(1.0)
         reference.balanced = False
         self.tick = min(self.tick + 1, self.ticks)
 
-    def _holding_torque(self, q: Float) -> Float:
+    def _held(self, q: Float) -> tuple[Float, Float]:
         """Joint torques at rest, with the weight shared by the soles according to the centre of mass between them.
 
         Args:
             q: poses, (K, n) [rad].
 
         Returns:
-            (K, n) [N·m].
+            Torques (K, n) [N·m], and attitudes of the torso, quaternions w x y z of one sign, (K, 4).
         """
         robot, count = self.robot, len(q)
         foot, soles, com = self._feet_and_com(q)
@@ -95,7 +103,8 @@ class PostureMove:
         torque, _ = self.dynamics.inverse(
             base, still, still, q, joints, joints, feet, np.minimum(np.maximum(share, 0.0), 1.0)
         )
-        return torque
+        attitude = base[:, 3:]
+        return torque, attitude * np.where(attitude @ attitude[0] < 0.0, -1.0, 1.0)[:, None]
 
     def _feet_and_com(self, q: Float) -> tuple[Float, Float, Float]:
         """Attitude of the left foot (K, 3, 3), sole centres (K, 2, 3) and centre of mass (K, 3), in the torso frame."""

@@ -18,7 +18,8 @@ class Reference:
         stiffness: share of the robot file's stiffness with which each joint follows, (n,) in (0, 1].
         feet: sole centres and yaw, (2, 4) [m, m, m, rad]; contacts: (2,) bool; share: part of the load on the right
             foot.
-        base: torso position [m] and quaternion w x y z, (7,).
+        base: torso position [m] and quaternion w x y z, (7,); of a slow move its attitude alone.
+        base_after: that of the plan's next row, (7,).
         com, dcm, zmp: horizontal, in the plan's world, (2,) [m].
         balanced: whether feet, com, dcm and zmp are valid, so that balance feedback may act.
     """
@@ -28,6 +29,7 @@ class Reference:
         self.stiffness = np.ones(n)
         self.feet, self.contacts, self.share = np.zeros((2, 4)), np.ones(2, np.bool_), 0.5
         self.base = np.array([0.0, 0, 0, 1, 0, 0, 0])
+        self.base_after = self.base.copy()
         self.com, self.dcm, self.zmp = np.zeros(2), np.zeros(2), np.zeros(2)
         self.balanced = False
 
@@ -45,7 +47,7 @@ class Reference:
             self.qd[:] = 0.0
         self.contacts[:] = plan.contacts[row]
         self.share = float(plan.load_share[row])
-        self.base[:] = plan.base[row]
+        self.base[:], self.base_after[:] = plan.base[row], plan.base[following]
         self.com[:], self.dcm[:], self.zmp[:] = plan.com[row, :2], plan.dcm[row], plan.zmp[row]
         self.balanced = True
 

@@ -96,6 +96,7 @@ class RowWriter:
         np.add(now.q, offset, out=row.q_ref)
         np.add(now.qd, speed, out=row.qd_ref)
         row.torque_ref[...] = now.torque
+        row.base_ref[3:] = now.base[3:]
 
     def write_balance(self, now: Reference, estimator: Estimator, stabiliser: Stabiliser) -> None:
         """Planned and estimated balance, while a plan plays."""

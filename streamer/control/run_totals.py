@@ -19,9 +19,6 @@ TorqueSource = Literal["simulation", "servos"]
 FALL_TILT_RAD = np.deg2rad(45.0)
 """A robot that is to be upright, and whose torso is tilted further than this, has fallen."""
 
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-"""Pose of a torso that stands."""
-
 TIMES = (
     *("work_s", "lateness_s", "robot_lateness_s"),
     *("sample_s", "retarget_s", "target_to_command_s", "target_to_effect_s"),
@@ -139,7 +136,6 @@ class RunTotals:
     fall_tick: int | None = None
     last_plan: int = 0
     laid_down: bool = True
-    planned: Float = field(default_factory=UPRIGHT.copy)
 
     def fold(self, ticks: TickRow) -> None:
         """Add rows, (k,), in order."""
@@ -155,12 +151,11 @@ class RunTotals:
         self.joints = sums if self.joints is None else self.joints + sums
         self.streamed = self.streamed or bool((ticks.state == State.STREAMING).any())
         if self.fall_tick is None:
-            tilted = toppled(ticks.true_base, ticks.base_ref, self.planned)
+            tilted = toppled(ticks.true_base, ticks.base_ref)
             fallen = np.flatnonzero(
                 (tilted & ~laid_down(ticks.state, before=self.laid_down)) | (ticks.state == State.DAMPED)
             )
             self.fall_tick = int(ticks.tick[fallen[0]]) if len(fallen) else None
-        self.planned = _last_planned(ticks.base_ref, self.planned)[-1]
         if len(ticks.state):
             self.laid_down = bool(laid_down(ticks.state, before=self.laid_down)[-1]) or ticks.state[-1] == State.PARK
 
@@ -170,22 +165,14 @@ class RunTotals:
         return np.asarray(first[plans > self.last_plan])
 
 
-def toppled(base: Float, planned: Float, before: Float = UPRIGHT) -> NDArray[np.bool_]:
+def toppled(base: Float, planned: Float) -> NDArray[np.bool_]:
     """Ticks in which a torso is tilted as no torso is that stands, or bows as planned.
 
     Args:
         base: position and quaternion w x y z, (k, 7); one that is unknown (NaN) has not toppled.
-        planned: likewise; where no plan plays (NaN), that of the last one counts: a robot may be parked out of a bow.
-        before: planned before the first tick, (7,).
+        planned: likewise; one that is unknown is upright.
     """
-    return falls(lean_of(base[:, 3:]), lean_of(_last_planned(planned, before)[1:, 3:]), FALL_TILT_RAD)
-
-
-def _last_planned(planned: Float, before: Float) -> Float:
-    """What was planned last before each tick, and after the last one, (k + 1, 7)."""
-    rows = np.concatenate([before[None], planned])
-    known = np.where(np.isfinite(rows[:, 3]), np.arange(len(rows)), 0)
-    return rows[np.maximum.accumulate(known)]
+    return falls(lean_of(base[:, 3:]), lean_of(planned[:, 3:]), FALL_TILT_RAD)
 
 
 def laid_down(states: NDArray[np.integer], *, before: bool = True) -> NDArray[np.bool_]:

@@ -23,13 +23,22 @@ _APART = math.radians(25.0)
 """Angle between up by the attitude and as the accelerometer measures it from which on the attitude is wrong [rad]."""
 _AT_REST = 0.2
 """Share of gravity by which the specific force of a torso at rest may differ from it."""
+_MOVED = "the robot was moved, and how it lies is not known yet"
 _BY_HAND = "put it into its rest pose by hand"
 
 
-def why_not_arm(robot: Robot, estimator: Estimator) -> str | None:
-    """Why a robot that has been watched for a while cannot stand up: it lies. None where it may."""
+def why_not_arm(robot: Robot, estimator: Estimator, accel: Float) -> str | None:
+    """Why a robot that has been watched for a while cannot stand up: it lies, or was just moved. None where it may.
+
+    Args:
+        accel: measured specific force of the torso, (3,) [m/s²].
+    """
     side = lying_on(estimator.tilt, robot.safety.fall_tilt)
-    if not estimator.has_imu or side is None:
+    if not estimator.has_imu:
+        return None
+    if _is_elsewhere(estimator.tilt, accel):
+        return f"{_MOVED}: ask again in a few seconds"
+    if side is None:
         return None
     lies = f"the torso is tilted by {math.degrees(estimator.tilt_angle):.0f}°: the robot lies; {_BY_HAND}"
     return f"{lies}, or let it get up: flexmotion clear --get-up" if side in robot.get_up.steps else lies
@@ -68,7 +77,7 @@ def why_not_get_up(robot: Robot, estimator: Estimator, gyro: Float, accel: Float
     if float(np.linalg.norm(gyro)) > _STILL:
         return "the robot is being moved: let go of it, then ask again"
     if _is_elsewhere(estimator.tilt, accel):
-        return "the robot was moved, and how it lies is not known yet: ask again in a few seconds"
+        return f"{_MOVED}: ask again in a few seconds"
     return None
 
 

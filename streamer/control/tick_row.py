@@ -111,7 +111,7 @@ class TickRow(Record):
     """Way of the centre of mass x, y [m] and turn of the torso [rad] since the robot had stood up, from gyroscope,
     joint speeds and the planned stance; whole turns are counted."""
     base_ref: Float = column("f8", 7)
-    """Planned torso: position [m] and quaternion w x y z."""
+    """Planned torso: position [m] and quaternion w x y z; of a slow move its tilt alone."""
 
     true_base: Float = column("f8", 7)
     """This and the other `true_` fields: true state of a simulated robot, as of its driver's `truth`."""

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles
-from flexmotion.streamer.control.estimator import Estimator, roll_pitch
+from flexmotion.streamer.control.estimator import Estimator, planned_tilt_rate, roll_pitch
 from flexmotion.streamer.control.reference import Reference
 
 Float = NDArray[np.float64]
 
 SWAYS = 0.2
-"""Tilt out of the planned one, or its divergent component (with its rate over the pendulum's natural frequency), from
-which on a robot sways [rad]. The latter reaches 0.14 in OP3's walks in simulation, 0.17 with standard perturbations."""
+"""Tilt out of the planned one, or its divergent component (with its rate beyond the plan's over the pendulum's natural
+frequency), from which on a robot sways [rad]. The latter reaches 0.14 in OP3's walks in simulation, 0.17 with standard
+perturbations."""
 
 
 class UnseenFall:
@@ -45,13 +46,15 @@ class UnseenFall:
             measured: whether this tick has a sample of the IMU that is believed.
 
         Returns:
-            Whether there is no IMU, and the robot is tilted past its limit if it has fallen on.
+            Whether there is no IMU, and the robot has toppled if it has fallen on.
         """
         diverging, converging = self._diverging, self._converging
         level = np.array(roll_pitch(planned.base[3:]))
         if measured:
             np.subtract(estimator.tilt, level, out=diverging)
-            np.divide(estimator.tilt_rate, estimator.omega, out=converging)
+            # A robot that bows turns as planned.
+            np.subtract(estimator.tilt_rate, planned_tilt_rate(planned, self._dt), out=converging)
+            np.divide(converging, estimator.omega, out=converging)
             diverging += converging
             np.multiply(converging, -2.0, out=converging)
             converging += diverging

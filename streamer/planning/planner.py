@@ -121,7 +121,7 @@ class Planner:
             restrictions=restrictions,
             checkpoint=checkpoint,
         )
-        if not all(np.isfinite(part).all() for part in (plan.q, plan.qd, plan.torque, plan.stiffness)):
+        if not all(np.isfinite(part).all() for part in (plan.q, plan.qd, plan.torque, plan.stiffness, plan.base)):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is the source's end only if the plan has followed all of it.
         over = ended and plan.stop_row < horizon and not stop

@@ -96,7 +96,7 @@ def _tilt(axes: Axes, record: RunTrace, t: Float) -> None:
     axes.plot(t, np.degrees(tilt_of(record.base_ref[: record.used, 3:])), color=INK, linestyle="--", linewidth=0.9)
     axes.axhline(np.degrees(FALL_TILT_RAD), color=WARN, linewidth=0.8)
     axes.set(ylabel="torso tilt °", ylim=(0, 80))
-    _note(axes, "dashed: planned; red: fallen")
+    _note(axes, "dashed: planned; red: fallen, unless it bows as planned")
 
 
 def _error(axes: Axes, record: RunTrace, figures: RobotFigures, t: Float) -> None:

@@ -142,7 +142,7 @@ def likeness(record: RunTrace, robot: Robot, figures: RobotFigures, motion: Moti
 def _compared(record: RunTrace, figures: RobotFigures) -> NDArray[np.int64]:
     """Ticks to compare, `SAMPLE_S` apart: the reference is the human's, after its time 0 and before a fall."""
     stands = np.isin(record.state, (State.STREAMING, State.HOLD))
-    fall = first_fall(record.true_base, record.base_ref, figures.standing_height, stands, record.totals.planned)
+    fall = first_fall(record.true_base, record.base_ref, figures.standing_height, stands)
     playing = np.flatnonzero(np.isfinite(record.source_s) & (record.source_s >= 0.0))
     playing = playing if fall is None else playing[playing < fall]
     return playing[:: max(round(SAMPLE_S * record.rate_hz), 1)]

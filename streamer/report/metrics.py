@@ -19,7 +19,7 @@ from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_totals import UPRIGHT, laid_down, toppled
+from flexmotion.streamer.control.run_totals import laid_down, toppled
 from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
@@ -201,19 +201,17 @@ def way(base: Float, stands: Mask, off: Mask) -> tuple[Float, Float]:
     return position, heading
 
 
-def first_fall(
-    base: Float, planned: Float, standing_height: float, should_stand: Mask, before: Float = UPRIGHT
-) -> int | None:
+def first_fall(base: Float, planned: Float, standing_height: float, should_stand: Mask) -> int | None:
     """First tick at which the torso is tilted too far or, while it should stand, too low.
 
     Args:
         base: torso position and quaternion w x y z, (T, 7); NaN rows are ignored.
-        planned, before: as of `toppled`.
+        planned: as of `toppled`.
         standing_height: of the torso's origin [m].
         should_stand: (T,); False while the robot crouches on purpose (parking).
     """
     low = should_stand & (base[:, 2] < FALL_HEIGHT_SHARE * standing_height)
-    fallen = np.flatnonzero(low | toppled(base, planned, before))
+    fallen = np.flatnonzero(low | toppled(base, planned))
     return int(fallen[0]) if len(fallen) else None
 
 
@@ -303,7 +301,7 @@ def motion_figures(
     known = np.isfinite(base).all(axis=1)
     lies = laid_down(record.state[rows], before=record.totals.laid_down)
     standing = np.where(lies[:, None], np.nan, base)
-    fall = first_fall(standing, record.base_ref[rows], robot.standing_height, should_stand, record.totals.planned)
+    fall = first_fall(standing, record.base_ref[rows], robot.standing_height, should_stand)
     upright = np.arange(record.used) < (record.used if fall is None else fall)
     playing = np.isfinite(record.source_s[rows]) & upright
 

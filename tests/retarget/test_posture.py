@@ -27,7 +27,7 @@ def standing(retargeter: Retargeter) -> Schedule:
 def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion], HumanWindow]) -> Callable:
     """Function motion -> targets of the trunk of a robot that stands, (T, 4)."""
 
-    def make(motion: Motion, schedule: Schedule | None = None) -> np.ndarray:
+    def make(motion: Motion, schedule: Schedule | None = None, pitch: float = 0.0) -> np.ndarray:
         scaling = Scaling(retargeter.body.leg_length / motion.body.leg, 0.0, motion.body.segments.hip_width)
         seconds = np.arange(ROWS) / 125.0
         return human_trunk(
@@ -38,7 +38,7 @@ def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion],
             scaling,
             seconds,
             retargeter.follower,
-            (0.0, 0.0),
+            (pitch, 0.0),
         )
 
     return make
@@ -74,6 +74,14 @@ def test_near_steps_the_trunk_bows_less_and_slowly(
     pitch = trunk(stand(40, lumbar_extension=-1.4), walking)[:, 2]
     assert pitch.max() < 0.45 and np.diff(pitch, prepend=0.0).max() * 125.0 <= 0.5 + 1e-9
     assert trunk(stand(40, lumbar_extension=-1.4))[0, 2] > 1.0
+
+
+def test_a_trunk_that_is_deep_in_a_bow_comes_up_for_steps_at_once(
+    standing: Schedule, trunk: Callable, stand: Callable[..., Motion]
+) -> None:
+    """It came up by .5 rad/s, and the robot stepped bowed by 51°."""
+    pitch = trunk(stand(40, lumbar_extension=-1.4), replace(standing, walking=np.ones(ROWS, bool)), 1.15)[:, 2]
+    assert pitch.max() < 0.45
 
 
 def test_a_squat_lowers_the_hips_to_the_lowest_height_at_most(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.robot.bows import pull_imu
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.sim.driver import SimDriver
@@ -69,7 +70,7 @@ def test_a_bow_beyond_the_tilt_of_a_fall_is_played_to_its_end(op3: Robot, bow: M
 
 @pytest.mark.parametrize("request_", [Request.STOP, Request.ESTOP, Request.DISARM])
 def test_a_stop_in_a_bow_is_no_fall(op3: Robot, bow: Motion, request_: Request) -> None:
-    """Parked out of an emergency stop the robot has no plan any more, and is still as tilted as it was."""
+    """Parked out of an emergency stop the robot has no plan any more, and is still tilted by more than 45°."""
     with bowing(op3, bow) as session:
         until_bowed(session)
         session.ask(request_)
@@ -94,6 +95,37 @@ def test_a_robot_that_is_thrown_over_in_a_bow_gives_way_before_it_lies(op3: Robo
     noticed = int(np.argmax(record.state == State.DAMPED))
     assert noticed > 0 and tilt_of(record.true_base[noticed, 3:]) < np.radians(85.0)
     assert any("fall" in event.message for event in record.events)
+
+
+def test_a_robot_that_falls_while_it_parks_out_of_a_bow_is_noticed(op3: Robot, bow: Motion) -> None:
+    """The bow's plan counted until it had parked: thrown ahead it lay at 63°, and was parked on under torque."""
+    with bowing(op3, bow) as session:
+        until_bowed(session)
+        session.ask(Request.ESTOP)
+        session.advance(2.2)
+        driver = session.driver
+        assert isinstance(driver, SimDriver)
+        driver.push((2.0, 0.0, 0.0), 0.1)
+        while session.step():
+            pass
+        record = session.record
+    noticed = int(np.argmax(record.state == State.DAMPED))
+    assert noticed > 0 and tilt_of(record.true_base[noticed, 3:]) < np.radians(60.0)
+    assert toppled(record.true_base, record.base_ref)[: noticed + 1].any()
+
+
+def test_a_bow_without_an_imu_goes_on(op3: Robot, bow: Motion) -> None:
+    """The speed of the bow itself counted as a sway: a robot that lost its IMU was dropped in one of three moments."""
+    for second in (1.6, 1.8, 3.4):
+        with bowing(op3, bow) as session:
+            while not session.record.used or not session.record.source_s[-1] >= second:
+                assert session.step()
+            driver = session.driver
+            assert isinstance(driver, SimDriver)
+            pull_imu(driver)
+            while session.step():
+                pass
+        assert State.DAMPED not in session.record.state
 
 
 def test_the_report_counts_no_fall_in_a_bow_that_was_forgotten(op3: Robot, bow: Motion) -> None:
