@@ -13,7 +13,7 @@ Float = NDArray[np.float64]
 
 PAST_PLAN_RAD = 0.2
 """Tilt beyond a planned tilt that is itself as far as that of a fall, from which on a robot falls [rad]. In bows of
-66° perturbed OP3 that are pushed or stopped come .09 beyond their plans (`benchmarks/robot/bows.py`)."""
+66° perturbed OP3 that are pushed come .08 beyond their plans, frozen ones .14 (`benchmarks/robot/bows.py`)."""
 
 
 def lean_of(quaternion: Float) -> Float:
