@@ -249,6 +249,9 @@ class Gait(Strict):
 UPRIGHT = 1.571
 """A quarter of a turn [rad]: a torso tilted by more lies. A greater number was meant in degrees."""
 
+LEAST_FALL_TILT = 0.3
+"""A fall is no smaller tilt [rad]: walks lean by 14 degrees."""
+
 DEEPEST_BOW = 1.25
 """Greatest tilt that a plan may have [rad]: with `PAST_PLAN_RAD` more a robot does not lie yet."""
 
@@ -289,7 +292,7 @@ class SafetyLimits(Strict):
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
-    fall_tilt: float = Field(default=0.785, gt=0, le=UPRIGHT, description="[rad]")
+    fall_tilt: float = Field(default=0.785, ge=LEAST_FALL_TILT, le=UPRIGHT, description="[rad]")
     bow_tilt: float | None = Field(default=None, gt=0, le=DEEPEST_BOW, description="[rad]")
     voltage_min: float | None = Field(default=None, gt=0)
     thermal_margin: float = Field(default=5.0, ge=0)
@@ -303,7 +306,7 @@ class SafetyLimits(Strict):
     @property
     def most_tilt(self) -> float:
         """Greatest torso tilt of a plan [rad]."""
-        return max(self.fall_tilt - _FALL_MARGIN, 0.0) if self.bow_tilt is None else self.bow_tilt
+        return self.fall_tilt - _FALL_MARGIN if self.bow_tilt is None else self.bow_tilt
 
 
 class RobotFile(Strict):

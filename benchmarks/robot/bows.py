@@ -77,6 +77,7 @@ class Trial:
         upright: it never toppled before its torque was off.
         lies: whether it lay in the end.
         noticed_deg: tilt at which its fall was noticed, or that at the end where none was; NaN: it did not lie.
+        touches: ticks in which the robot touched itself before its torque was off.
         violations: goals outside the servos' envelope.
     """
 
@@ -91,6 +92,7 @@ class Trial:
     upright: bool
     lies: bool
     noticed_deg: float
+    touches: int
     violations: int
 
 
@@ -169,6 +171,7 @@ def met(session: Session, event: str, depth_deg: float, seconds: float, perturbe
         upright=not toppled(base, planned).any(),
         lies=lies,
         noticed_deg=float(np.degrees(every[noticed[0] if len(noticed) else -1])) if lies else float("nan"),
+        touches=int(np.count_nonzero(record.true_self_contact[rows][:held])),
         violations=record.violations_sent,
     )
 
@@ -195,7 +198,17 @@ def bow_once(task: tuple[float, float, bool, int], moments: int, robot_name: str
 
 def table(done: list[Trial]) -> Table:
     """One row an event and robot."""
-    out = Table("event", "robot", "upright", "deepest °", "beyond its plan °", "fell", "noticed at °", "outside")
+    out = Table(
+        "event",
+        "robot",
+        "upright",
+        "deepest °",
+        "beyond its plan °",
+        "fell",
+        "noticed at °",
+        "touches itself",
+        "outside",
+    )
     for event in EVENTS:
         for hard in (False, True):
             group = [t for t in done if t.event == event and t.perturbed == hard]
@@ -210,6 +223,7 @@ def table(done: list[Trial]) -> Table:
                 f"{max((t.beyond_deg for t in group if t.upright), default=0.0):.1f}",
                 str(len(late)),
                 f"{max(late):.0f}" if late else "",
+                f"{sum(t.touches for t in group)} ticks",
                 str(sum(t.violations for t in group)),
             )
     return out

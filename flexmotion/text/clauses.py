@@ -139,6 +139,10 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         told = amount is not None or (sides(" ".join(own)) and "side" not in own)
         notes.append(f"{UNSEEN}: it turns {'to the side that is said' if amount is None else amount}")
         refusal = refusal or (None if told else f"{UNSEEN}; say for example 'turn left 90 degrees'")
+    elif known.words("persons") & set(own) and _comes(own[:1]):
+        refusal = refusal or f"{' '.join(own[1:])!r}: the robot does not see where that is"  # "approach the man"
+    elif own[1:2] == ["back"] and _comes(own[:1]):
+        notes.append(f"{UNSEEN}: it walks straight back")
     elif _comes(own):
         notes.append(f"{UNSEEN}: it walks straight ahead")
     if own[:3] == ["turn", "to", "face"] and words != own:

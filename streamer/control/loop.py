@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles
+from flexmotion.spatial.tilt import falls, lean_of, lean_of_angles, tilt_of
 from flexmotion.streamer.control.estimator import Estimator, planned_tilt_rate
 from flexmotion.streamer.control.foot_strikes import FootStrikes
 from flexmotion.streamer.control.get_up_move import GetUpMove
@@ -46,6 +46,9 @@ _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
 _JUDGED = (State.READY, State.STREAMING, State.HOLD)
 """States in which joints must follow their goals. In PARK the ground or a hand may be in the way."""
 _MAY_HOLD = "their joints may be stiff; switch the power off"
+_BOWED_RAD = 0.5
+"""A robot that is parked out of a bow as deep as this, beyond those near steps, stands up first [rad], with its arms as
+they are: between trunk and thighs they would be led through them."""
 _FALLS_ON_S = 0.05
 """A torso beyond the tilt of a fall that keeps its turn beyond the plan's for so long has fallen, if it is then too far
 from its plan [s]."""
@@ -362,7 +365,11 @@ class ControlLoop:
             self.intake.forget()
             # From the reference of the goals, not from the measurement: that is what the servos hold.
             self.move.begin(
-                self.now.q, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
+                self.now.q,
+                robot.rest_pose,
+                least_s=robot.safety.park_s,
+                speed=2 * robot.safety.soft_start_speed,
+                through=self._raised() if tilt_of(self.now.base[3:]) > _BOWED_RAD else None,
             )
         elif state is State.DAMPED:
             self.intake.forget()
@@ -373,6 +380,13 @@ class ControlLoop:
             self.driver.set_torque(False)
             if self.driver.holding:
                 self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")
+
+    def _raised(self) -> Float:
+        """The stand pose, arms and head as they are, (n,) [rad]."""
+        pose = self.now.q.copy()
+        legs = self.joints.carries
+        pose[legs] = self.stand_pose[legs]
+        return pose
 
     def _switch_on(self) -> Float:
         """Switch the torque on, and begin where the driver has pinned the joints, (n,) [rad]."""

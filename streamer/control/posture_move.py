@@ -6,6 +6,9 @@ does not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -40,16 +43,21 @@ class PostureMove:
         self._feet = list(robot.foot_ids)
         self.start, self.goal = np.zeros(robot.n), np.zeros(robot.n)
         self.ticks = self.tick = 0
+        self._then: Callable[[], None] | None = None
         self._torque, self._attitude = np.zeros((_KNOTS, robot.n)), np.tile([1.0, 0.0, 0.0, 0.0], (_KNOTS, 1))
 
-    def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
+    def begin(self, start: Float, goal: Float, *, least_s: float, speed: float, through: Float | None = None) -> None:
         """Plan a move.
 
         Args:
             start, goal: poses, (n,) [rad].
             least_s: shortest duration [s].
             speed: greatest joint speed [rad/s].
+            through: a pose on the way, where it comes to rest; each part takes as long as a move of its own.
         """
+        self._then = None
+        if through is not None:
+            goal, self._then = through, partial(self.begin, through.copy(), goal.copy(), least_s=least_s, speed=speed)
         self.start[:], self.goal[:] = start, goal
         seconds = max(least_s, MINIMUM_JERK_PEAK * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
         self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
@@ -61,10 +69,12 @@ class PostureMove:
     @property
     def done(self) -> bool:
         """Whether the goal has been reached."""
-        return self.tick >= self.ticks
+        return self.tick >= self.ticks and self._then is None
 
     def step(self, reference: Reference) -> None:
         """Fill `reference` for this tick and advance one tick."""
+        if self.tick >= self.ticks and self._then is not None:
+            self._then()
         s = np.array([self.tick, self.tick + 1]) / self.ticks
         now, after = minimum_jerk(s)
         span = self.goal - self.start

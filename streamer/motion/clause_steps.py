@@ -101,6 +101,9 @@ class ClauseSteps:
                 for step in repeated
             ]
         if clause.asks is Asks.CONTINUE:
+            kind = before[-1].kind if before else ""
+            if kind in vocabulary().words("held_not") and clause.said.startswith(vocabulary().phrases("hold")):
+                raise RefusedError(f"{clause.said!r}: {kind} ends, or begins anew, and is not held")
             if clause.amount is None and in_sequence:
                 return []
             return self._continued(clause, before, under_way, last)

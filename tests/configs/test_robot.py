@@ -109,7 +109,7 @@ def test_a_contradiction_is_named(spoiled: Callable[[Edit], Path], edit: Edit, s
 
 def test_a_tilt_of_fall_in_degrees_is_refused(spoiled: Callable[[Edit], Path]) -> None:
     """`fall_tilt: 45` was accepted without a word: a robot on its back did not count as fallen, and kept its torque."""
-    with pytest.raises(ConfigError, match=r"field safety\.fall_tilt: 45, expected more than 0 and 1\.571 at most rad"):
+    with pytest.raises(ConfigError, match=r"field safety\.fall_tilt: 45, expected 0\.3 to 1\.571 rad"):
         load_robot(spoiled(lambda content: content["safety"].update(fall_tilt=45)))
 
 

@@ -13,9 +13,11 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import Script, build_clip
 from flexmotion.spatial.tilt import tilt_of
+from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_totals import toppled
 from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -136,3 +138,16 @@ def test_the_report_counts_no_fall_in_a_bow_that_was_forgotten(op3: Robot, bow: 
     record.totals.fold(TickRow(record.rows[:half]))
     record.totals.fold(TickRow(record.rows[half:]))
     assert record.totals.fall_tick is None
+
+
+def test_a_robot_that_is_stopped_at_once_in_a_bow_keeps_its_arms_off_its_thighs() -> None:
+    """It went straight to its rest pose: forearms between trunk and thighs were pressed into them by 3 N·m."""
+    with api.open_session("op3", seed=1) as session:
+        session.advance(3.0)
+        session.send(Text("take a deep bow"))
+        session.advance(1.0)
+        session.ask(Request.ESTOP)
+        session.finish()
+        record = session.record
+    assert tilt_of(record.true_base[:, 3:]).max() > 0.9 and record.state[-1] == State.FAULT
+    assert not record.true_self_contact.any() and not record.hung.any()
