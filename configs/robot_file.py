@@ -250,7 +250,7 @@ UPRIGHT = 1.571
 """A quarter of a turn [rad]: a torso tilted by more lies. A greater number was meant in degrees."""
 
 LEAST_FALL_TILT = 0.3
-"""A fall is no smaller tilt [rad]: walks lean by 14 degrees."""
+"""Least `fall_tilt` that is accepted [rad]: walks alone lean by up to 0.24."""
 
 DEEPEST_BOW = 1.25
 """Greatest tilt that a plan may have [rad]: with `PAST_PLAN_RAD` more a robot does not lie yet."""

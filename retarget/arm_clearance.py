@@ -65,6 +65,23 @@ class BodyClearance:
         Args:
             poses: of the arms, (..., 2, 3); lean: pitch of the trunk forward, (...) [rad].
         """
+        depth, away = self._deepest(poses, lean)
+        slope = np.zeros((poses.upper_jacobian.shape[-2], *depth.shape))
+        if depth.any():
+            upper, fore = (
+                array.transpose(-1, -2, *range(array.ndim - 2)) for array in (poses.upper_jacobian, poses.fore_jacobian)
+            )
+            shares = _SHARES.reshape(-1, *[1] * (depth.ndim - 1))
+            slope -= self._lengths[:, 0] * np.einsum("xm...,xp...->mp...", upper, away)
+            slope -= shares * self._lengths[:, 1] * np.einsum("xm...,xp...->mp...", fore, away)
+        return coordinates_last(depth), slope.transpose(*range(2, slope.ndim), 0, 1)
+
+    def depth(self, poses: ArmPoses, lean: Float) -> Float:
+        """The depths of `residual` alone, (..., 2, P)."""
+        return coordinates_last(self._deepest(poses, lean)[0])
+
+    def _deepest(self, poses: ArmPoses, lean: Float) -> tuple[Float, Float]:
+        """Weighted depths of the points, (P, ..., 2), and the ways out of the body that lessen them, (3, P, ..., 2)."""
         begin = coordinates_first(poses.elbow if self._elbow else poses.shoulder)
         shares = _SHARES.reshape(-1, *[1] * (begin.ndim - 1))
         # Coordinates first, (3, P, ..., 2), for as few and as long operations as possible.
@@ -89,15 +106,7 @@ class BodyClearance:
             depth[near] = found[deeper]
             normal = rotation @ (normal[:, deeper] * np.sign(local[:, near]))
             away[:, near] = _pitched(normal, -pitch[near]) if leans else normal
-        depth, away = self._scale * depth.reshape(shape), self._scale * away.reshape(3, *shape)
-        slope = np.zeros((poses.upper_jacobian.shape[-2], *shape))
-        if depth.any():
-            upper, fore = (
-                array.transpose(-1, -2, *range(array.ndim - 2)) for array in (poses.upper_jacobian, poses.fore_jacobian)
-            )
-            slope -= self._lengths[:, 0] * np.einsum("xm...,xp...->mp...", upper, away)
-            slope -= shares * self._lengths[:, 1] * np.einsum("xm...,xp...->mp...", fore, away)
-        return coordinates_last(depth), slope.transpose(*range(2, slope.ndim), 0, 1)
+        return self._scale * depth.reshape(shape), self._scale * away.reshape(3, *shape)
 
     def _depths(self, beyond: Float, farthest: Float) -> tuple[Float, Float]:
         """Depths of points in a box that is grown by the distance, (N,) [m], and normals without their signs, (3, N).

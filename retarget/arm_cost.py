@@ -119,7 +119,7 @@ class ArmCost:
         upper, fore = self._errors(targets, poses)
         hand = self._shares[:, 0] * upper + self._shares[:, 1] * fore
         cost: Float = np.sum(upper * upper + fore * fore + targets.hand_weight * hand * hand, axis=0)
-        depth, _ = self.clearance.residual(poses, np.broadcast_to(targets.lean, q.shape[:-2]))
+        depth = self.clearance.depth(poses, np.broadcast_to(targets.lean, q.shape[:-2]))
         return cost + np.minimum(np.sum(depth * depth, axis=-1), _IN_THE_BODY)
 
     def normal(

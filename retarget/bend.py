@@ -1,8 +1,7 @@
 """`TrunkBend`: how far the robot's trunk may bend, forward and back, at each height of its hips.
 
 The centre of mass stays over the middle of the feet: the hips move back as the trunk bends forward. Joint limits and
-the reach of the legs end that, found on the whole body; and `safety.most_tilt` does, beyond which nobody has shown that
-the robot stands up again.
+the reach of the legs end that, found on the whole body. `safety.most_tilt` bounds it too: deeper bows are not proven.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ class Trial:
 
 
 def bowing(depth_deg: float, seconds: float) -> Motion:
-    """A human who bows from hips and back with hanging arms, holds it, and straightens up."""
+    """A human with hanging arms who bows, holds the bow, and straightens up; hips and back bend."""
     down, held = FIRST_S + seconds, FIRST_S + seconds + HELD_S
     end = held + seconds
 

@@ -29,7 +29,7 @@ class Beside:
     """The gesture of one window.
 
     Attributes:
-        joints: angles of the human who makes it standing, from `led_path.KNOWN` frames before the window on,
+        joints: angles of the standing human who makes the gesture, from `led_path.KNOWN` frames before the window on,
             (KNOWN + T, 26) [rad].
         columns: joints that it is made with.
     """

@@ -1,7 +1,7 @@
 """How a torso is tilted, and whether it is tilted further than it was to be: then the robot falls.
 
 Upright robots fall once they are tilted by a given angle. One that bows is tilted on purpose: it falls where it is
-tilted further than its plan. On its way into the bow and back it lags, so what lies between both is no fall either.
+tilted further than its plan. It lags behind its plan, so tilts between upright and the plan are no falls.
 """
 
 from __future__ import annotations

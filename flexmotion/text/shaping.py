@@ -103,7 +103,7 @@ def destinations(words: list[str]) -> list[str]:
 
 
 def _is_seen_nowhere(words: list[str]) -> bool:
-    """Whether words are of somebody whom the robot does not see, or of a part of a room: "other side of the room"."""
+    """Whether words name a person, or a part of a room ("other side of the room"): the robot sees neither."""
     known = vocabulary()
     return bool(known.words("persons") & set(words)) or begins(list(words), 0, known.phrases("room_parts")) is not None
 

@@ -355,7 +355,6 @@ class ControlLoop:
             self.suspension.reset()
             self.estimator.reset()
             self.unseen.sways = False
-            self.now.base[3:] = 1.0, 0.0, 0.0, 0.0
             self.gyro_bias.reset()
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.GET_UP:
