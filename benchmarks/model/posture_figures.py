@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.shared.poses import POSES, Mask, elbow_bend, from_pelvis
 from flexmotion.human.body import Body
 from flexmotion.human.contacts import ContactDetector
-from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
 
 Float = NDArray[np.float64]
@@ -30,8 +30,22 @@ FIGURES: dict[str, tuple[str, float]] = {
 
 
 def on_body(motion: Motion, body: Body) -> Motion:
-    """The joint angles of a motion on another body, without its forces; it goes as many leg lengths."""
-    return replace(motion.kinematics, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
+    """The joint angles of a motion on another body, without its forces; it goes as many leg lengths.
+
+    The root is lifted or lowered by the same in all frames: the soles are as far from the floor as before.
+    """
+    if body == motion.body:
+        return motion.kinematics
+    ratio = body.leg / motion.body.leg
+    own = replace(motion.kinematics, body=body, root_position=motion.root_position * ratio)
+    # Legs of other proportions end elsewhere: without this, clips of some bodies stood 5 cm deep in the floor.
+    above = _sole_height(motion) * ratio - _sole_height(own)
+    return replace(own, root_position=own.root_position + [0.0, 0.0, above])
+
+
+def _sole_height(motion: Motion) -> float:
+    """Height of the lowest point of the soles over the floor, median over the frames [m]."""
+    return float(np.median(foot_points(motion)[..., 2].min(axis=(1, 2))))
 
 
 def figures(motion: Motion, pose: Mask | None = None) -> dict[str, Float]:

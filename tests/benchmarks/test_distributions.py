@@ -10,7 +10,8 @@ import pytest
 from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, together, verdicts
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
 from flexmotion.biomechanics.mirror import mirror
-from flexmotion.human.body import Body
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
@@ -89,6 +90,16 @@ def test_another_body_goes_as_many_legs(circling) -> None:
     assert own.body == child and own.wrenches is None
     ratio = np.ptp(own.root_position[:, 0]) / np.ptp(walk.root_position[:, 0])
     assert ratio == pytest.approx(child.leg / walk.body.leg)
+
+
+def test_another_body_stands_on_the_floor(circling) -> None:
+    """Clips of a skeleton with other feet and shanks were compared while they stood 5 cm deep in the floor."""
+    walk = circling(60, 1.0)
+    tall = Segments.of_height(1.75)
+    other = Body(height=1.75, mass=70.0, fitted=replace(tall, ankle_height=tall.ankle_height + 0.05, hip_width=0.2))
+    lowest, own = (foot_points(each)[..., 2].min(axis=(1, 2)) for each in (walk, on_body(walk, other)))
+    assert np.median(own) == pytest.approx(np.median(lowest) * other.leg / walk.body.leg, abs=1e-9)
+    assert on_body(walk, walk.body).root_position is walk.root_position
 
 
 def test_distances_that_nobody_sees_are_equal() -> None:
