@@ -49,6 +49,10 @@ def end_mean(values: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(values[len(values) - round(END * len(values)) :].mean(axis=0))
 
 
+_HEADING = (0.0, 0.0, 0.0, 1.0)
+"""Weights of the heading among the columns of `PATH`."""
+
+
 @dataclass(frozen=True)
 class PathMean:
     """What `end_mean` is to be of the path of a window.
@@ -107,6 +111,11 @@ class Constraints:
         return bool(self.mask.any())
 
     @property
+    def turn(self) -> float:
+        """The mean heading that is asked for [rad], positive to the left; 0 where none is."""
+        return next((float(mean.value) for mean in self.means if mean.weights == _HEADING), 0.0)
+
+    @property
     def of_legs(self) -> bool:
         """Whether a path, ground forces, or places, angles or torques of legs, are asked of single frames."""
         of = {name: self.mask[:, cut] for name, cut in self.layout.blocks.items()}
@@ -160,7 +169,7 @@ class Constraints:
             SamplingError: it is not finite.
         """
         _require_finite("mean heading", heading)
-        return replace(self, means=(*self.means, PathMean((0.0, 0.0, 0.0, 1.0), heading)))
+        return replace(self, means=(*self.means, PathMean(_HEADING, heading)))
 
     def mean_place(self, place: ArrayLike, direction: float | None = None) -> Constraints:
         """At the end of the window (`end_mean`) the pelvis is on average above a place of the floor, or on a line.

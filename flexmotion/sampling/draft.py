@@ -31,6 +31,7 @@ from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.rhythm import Rhythm
+from flexmotion.sampling.still_stance import StillStance
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -42,6 +43,9 @@ WALKS = 0.4
 
 ARRIVING = 4
 """Last known frames over which the speed of its arrival is measured."""
+
+OFF_COURSE = np.radians(2.5)
+"""A human that stands turns back to its course where it heads further from it than this [rad]."""
 
 FAR = 0.015
 """Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced, too, which
@@ -58,7 +62,11 @@ class Draft:
         history: the frames before the window.
         remembered: features of the last of them, not normalised, (H, F).
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
-        rest: joint angles that the upper body moves to, (26,) [rad]; None: it moves as decoded.
+        rest: a standing human; its last frame counts.
+        idle: joints above the legs that nothing is asked of.
+        stands: whether standing still is asked, so that idle joints move to `rest`. In a gesture they rest once the
+            human stands.
+        quiet: whether nothing is asked of pelvis and legs: once the human stands they rest.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
@@ -73,7 +81,10 @@ class Draft:
     history: Motion
     remembered: Float32
     balanced: bool
-    rest: Float | None
+    rest: Motion
+    idle: frozenset[int]
+    stands: bool
+    quiet: bool
     on_the_spot: bool
     asked: Constraints | None
     pose: KeptPose | Rhythm | None
@@ -104,8 +115,11 @@ class Draft:
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
         stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
         motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
-        if self.rest is not None:
-            motion = at_rest(motion, self.rest)
+        if self.stands or self.still is not None:
+            rest = self.rest.joints[-1]
+            motion = at_rest(motion, self.history, rest, self.idle, stays=self._in_gesture)
+        if self.still is not None:
+            motion = self.still.kept(motion, upright=not self._in_gesture)
         for own in (self.pose, self.beside):
             motion = motion if own is None else own.kept(motion, self.history)
         return motion, slip
@@ -123,6 +137,18 @@ class Draft:
         holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps, stays).holding
         lift = lifted(pose.feet[..., 2].min(axis=2), contacts, self.layout.fps)
         return pose.moved(np.column_stack([-holding.shift(feet), lift])), holding
+
+    @cached_property
+    def still(self) -> StillStance | None:
+        """The stance in which pelvis and legs stay; None: they move as decoded, as on a way back to their course."""
+        if not self.quiet or (self.asked is not None and abs(self.asked.turn) > OFF_COURSE):
+            return None
+        return StillStance.of(self.history, self.rest)
+
+    @property
+    def _in_gesture(self) -> bool:
+        """Whether a gesture is made, standing: what it leaves alone stays as it is."""
+        return not self.stands or self.pose is not None
 
     @cached_property
     def _feet_before(self) -> Float:
@@ -146,7 +172,8 @@ class Draft:
             window = motion if kept is None else closed(motion, self.anchor, kept)
             made = Delivered(self.history[max(0, len(self.history) - EDGE) :], window)
         else:
-            made = self._in_balance(motion, self._accelerations(found), constraints, closes=closes)
+            planned = self._accelerations(found) if self.still is None else np.zeros((len(found), 3))
+            made = self._in_balance(motion, planned, constraints, closes=closes)
         return made if constraints is None else replace(made, window=_with_muscles(made.window, constraints))
 
     def _in_balance(

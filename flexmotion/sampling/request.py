@@ -13,7 +13,9 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.heading_frame import chord
+from flexmotion.sampling.beside import fits_beside
 from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.idle_joints import idle_joints
 from flexmotion.sampling.rhythm import rhythm_kinds
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
@@ -118,21 +120,23 @@ class Requests:
         kind = self.prompt(condition.text).kind
         return kind if kind in self._rhythms else None
 
+    def pose(self, condition: Condition) -> str | None:
+        """The kind of a condition of `meant` where that is a pose, else None."""
+        if condition.velocity is not None or condition.wordless:
+            return None
+        kind = self.prompt(condition.text).kind
+        return kind if phrases.is_pose(kind) else None
+
     def held(self, condition: Condition) -> Condition:
         """A condition of `meant` whose pose is reached, as it is held; any other motion as it is."""
-        if (
-            condition.velocity is not None
-            or condition.wordless
-            or not phrases.is_pose(self.prompt(condition.text).kind)
-        ):
+        if self.pose(condition) is None:
             return condition
         return replace(condition, noise=min(condition.noise, self._corrections.pose_noise), held=True)
 
     def is_brief(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is a pose that people leave as soon as it is reached."""
-        return (
-            condition.velocity is None and not condition.wordless and phrases.is_brief(self.prompt(condition.text).kind)
-        )
+        kind = self.pose(condition)
+        return kind is not None and phrases.is_brief(kind)
 
     def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
         """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
@@ -165,6 +169,19 @@ class Requests:
     def stands(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is that of standing still."""
         return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
+
+    def idle(self, condition: Condition) -> frozenset[int]:
+        """Joints above the legs that a condition of `meant` leaves alone."""
+        if condition.wordless or condition.velocity is not None:
+            return frozenset()
+        return idle_joints(self.prompt(condition.text).kind)
+
+    def leaves_legs(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is done standing, by arms or head, if by anything."""
+        if condition.wordless or condition.velocity is not None:
+            return False
+        kind = self.prompt(condition.text).kind
+        return kind == STAND or fits_beside(kind, STAND)
 
     def travels(self, condition: Condition) -> bool:
         """Whether a condition of `meant` leads away or turns, or may do so.

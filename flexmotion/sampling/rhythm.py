@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import Plan, draw_plan
-from flexmotion.gestures.recipes import Gesture, recipes
+from flexmotion.gestures.recipes import Gesture
 from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import LEFT, RIGHT
 from flexmotion.sampling.led_path import KNOWN, led_along
-from flexmotion.text.sides import mirrored
+from flexmotion.sampling.made_gestures import made_gestures
 
 Float = NDArray[np.float64]
 
@@ -145,11 +144,7 @@ def is_rhythm(gesture: Gesture) -> bool:
 @lru_cache
 def _recipes() -> Mapping[str, tuple[Gesture, int]]:
     """Recipe and side of every rhythm by its kind, those to the left included."""
-    return {
-        kind: (gesture, side)
-        for gesture in filter(is_rhythm, recipes())
-        for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT))
-    }
+    return {kind: made for kind, made in made_gestures().items() if is_rhythm(made[0])}
 
 
 def rhythm_kinds() -> frozenset[str]:

@@ -26,7 +26,9 @@ from flexmotion.sampling.ddim import denoised
 from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
+from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.low_pass import HELD_CUTOFF
+from flexmotion.sampling.made_pose import made_pose
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.rhythm import SIZES, Rhythm
 from flexmotion.sampling.tangent import tangent_of
@@ -75,7 +77,7 @@ class Sampler:
         self._denoiser = open_session(bundle.folder / DENOISER)
         self._decoder = open_session(bundle.folder / DECODER)
         self.requests = Requests(bundle, unjudged)
-        self._rest = self.standing().joints[-1]
+        self._rest = self.standing()
         self._statistics, self._kept = bundle.statistics, bundle.kept
         # A distilled network has guidance as an input: one evaluation a step. Else guidance takes one with the request,
         # one in any manner and one without a request.
@@ -123,8 +125,21 @@ class Sampler:
             return None
         key = kind, size % SIZES
         if key not in self._rhythms:
-            self._rhythms[key] = Rhythm.of(kind, self.body, self._rest, size)
+            self._rhythms[key] = Rhythm.of(kind, self.body, self._rest.joints[-1], size)
         return self._rhythms[key].paced(condition.tempo)
+
+    def made_pose(self, condition: Condition, begin: Motion, seed: int) -> KeptPose | None:
+        """The pose in which a gesture that a condition of `meant` asks for is held; None: it is left to the model.
+
+        Args:
+            condition: of words.
+            begin: the motion up to its begin, at least one frame.
+            seed: of what is left open of the pose.
+        """
+        kind = self.requests.pose(condition)
+        if kind is None:
+            return None
+        return made_pose(kind, self.body, begin.joints[-1], self._rest.joints[-1], self.fps, seed)
 
     @property
     def name(self) -> str:
@@ -187,7 +202,8 @@ class Sampler:
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
-        if constraints is not None:
+        # A human that stands still is on its course.
+        if constraints is not None and (draft.still is None or constraints.of_frames):
             return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
         found = self._frames(latent)
         return draft.delivered(draft.planted(draft.joined(found))[0], found)
@@ -197,7 +213,7 @@ class Sampler:
         return self._draft(history, features[:0], condition).planted(features)[0]
 
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
-        """The window in the making; its upper body goes to rest where it stands and nothing else is asked of it."""
+        """The window in the making; its parts of the body of which nothing is asked come to rest."""
         asked, meant = condition.constrained, self.meant(condition)
         free = asked is None or not asked.of_frames
         return Draft(
@@ -206,7 +222,10 @@ class Sampler:
             history=history,
             remembered=remembered,
             balanced=self.balanced,
-            rest=self._rest if free and self.requests.stands(meant) else None,
+            rest=self._rest,
+            idle=self.requests.idle(meant) if free else frozenset(),
+            stands=free and self.requests.stands(meant),
+            quiet=free and self.requests.leaves_legs(meant),
             on_the_spot=not self.requests.travels(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),

@@ -16,6 +16,19 @@ KNOWN = 3
 """Frames of which place, speed and acceleration are taken."""
 
 
+def stopped(before: Float, frames: int, fps: float, seconds: float) -> Float:
+    """Signals that come to rest on their way, without coming back, (T, n).
+
+    They do for `settled` where they are to go on for twice the way of their speed in the time constant.
+
+    Args:
+        before: at least one frame, (K, n).
+        frames, fps, seconds: see `settled`.
+    """
+    rate = (before[-1] - before[-2] if len(before) > 1 else np.zeros_like(before[-1])) * fps
+    return settled(before, before[-1] + 2.0 * seconds * rate, frames, fps, seconds)
+
+
 def settled(before: Float, place: Float, frames: int, fps: float, seconds: float) -> Float:
     """Signals that go from where they are to a place; place, speed and acceleration are continuous, (T, n).
 

@@ -44,6 +44,10 @@ _REACHED_S = 1.0
 """A pose counts as reached this long after it was asked for [s]: about one window of the model. A hand that is slower
 goes on to its pose with less noise as well."""
 
+_TURN, _IN_POSE = 4, 2
+"""Windows of one repetition of a pose that is to be done a number of times, and those of them in which it is asked; in
+the others the human stands. Left to the model, a hand that was to be raised twice stayed up for ten seconds."""
+
 _WALKING, _WALKING_S = 0.3, 0.5
 """A human walks whose mean speed over the second [s] is greater than the first [m/s]. Bows and squats on the spot move
 the pelvis by less."""
@@ -395,14 +399,33 @@ class ModelSource:
     def _in_pose(self, frame: int, asked: Condition) -> Condition:
         """The condition of a window that begins at a frame, in the pose that its words have reached, if one is kept."""
         begun, pose = self._begun(frame), self._pose
-        if begun is None:
+        if begun is None or self._is_between(frame):
             return asked
         rhythm = self.sampler.rhythm(self.condition(begun[1]), size=begun[0] + self.seed)
         if rhythm is not None:
             return replace(asked, pose=rhythm.later(frame - begun[0]))
-        if pose is None or begun[0] != pose[0]:
-            return asked
-        return replace(asked, pose=pose[1].later(frame - begun[0]))
+        begin = begun[0] + self._repetition(frame) * _TURN * self.sampler.future
+        if pose is None or begin != pose[0]:
+            before = self._frames(max(begin - 1, self._first), frame)[:1]
+            made = self.sampler.made_pose(asked, before, begun[0] + self.seed)
+            if made is None:
+                return asked
+            pose = self._pose = begin, made
+        return replace(asked, pose=pose[1].later(frame - begin))
+
+    def _repetition(self, frame: int) -> int:
+        """How often a pose that is asked for a number of times was done before the window at a frame."""
+        begun = self._begun(frame)
+        return 0 if begun is None or self._is_endless(frame) else (frame - begun[0]) // (_TURN * self.sampler.future)
+
+    def _is_between(self, frame: int) -> bool:
+        """Whether the window at a frame is between two repetitions of a pose that is asked for a number of times."""
+        begun = self._begun(frame)
+        if begun is None or self._is_endless(frame):
+            return False
+        if self.sampler.requests.pose(self.sampler.meant(self.condition(begun[1]))) is None:
+            return False
+        return (frame - begun[0]) // self.sampler.future % _TURN >= _IN_POSE
 
     def _beside(self, frame: int, intent: Intent | None) -> Beside | None:
         """What the window that begins at a frame shows of the gesture that is made meanwhile; None: there is none."""
@@ -444,7 +467,7 @@ class ModelSource:
     def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
         """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""
         condition = self.sampler.meant(self.condition(intent))
-        if self._walks_on(begin, condition):
+        if self._walks_on(begin, condition) or self._is_between(begin):
             condition = self.sampler.meant(Condition())
         if not self.straight:
             return condition

@@ -85,11 +85,17 @@ class StubSampler:
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
 
+    def made_pose(self, condition: Condition, begin: Motion, seed: int) -> None:
+        return None
+
     def rhythm(self, condition: Condition, size: int = 0) -> None:
         return None
 
     def travels(self, condition: Condition) -> bool:
         return condition.text not in GESTURES
+
+    def pose(self, condition: Condition) -> str | None:
+        return condition.text if condition.text in (POSE, BRIEF) else None
 
     def held(self, condition: Condition) -> Condition:
         return replace(condition, noise=HELD_NOISE) if condition.text == POSE else condition

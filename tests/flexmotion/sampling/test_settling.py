@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.sampling.settling import KNOWN, settled
+from flexmotion.sampling.settling import KNOWN, settled, stopped
 
 FPS = 30.0
 number = st.floats(-1.0, 1.0)
@@ -33,3 +33,13 @@ def test_what_rests_in_its_place_stays_there_and_one_frame_is_enough() -> None:
     for known in (1, 2, 5):
         before = np.full((known, 2), [0.3, -0.2])
         assert np.allclose(settled(before, np.array([0.3, -0.2]), 20, FPS, 0.5), [0.3, -0.2])
+
+
+@given(number, number, st.floats(0.1, 1.0))
+@settings(deadline=None, max_examples=60)
+def test_what_stops_does_not_come_back(place: float, speed: float, seconds: float) -> None:
+    before = place + speed * np.arange(1 - KNOWN, 1)[:, None] / FPS
+    found = np.concatenate([before, stopped(before, 300, FPS, seconds)])[:, 0]
+    assert (np.diff(found) * np.sign(speed) >= -1e-12).all()
+    assert abs(found[-1] - place) < 2.01 * abs(speed) * seconds + 1e-9
+    assert stopped(before[-1:], 5, FPS, seconds) == pytest.approx(place)

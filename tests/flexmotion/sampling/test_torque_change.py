@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,9 @@ class Window:
         history = sampler.sample(sampler.standing(), condition, 3)
         remembered = sampler._remember(history)
         latent = sampler._latent(remembered, condition, seed)
-        self._draft, self._found = sampler._draft(history, remembered, condition), sampler._frames(latent)
+        # Whose torques are asked does not rest.
+        self._draft = replace(sampler._draft(history, remembered, condition), quiet=False, idle=frozenset())
+        self._found = sampler._frames(latent)
         self.tangent, self._begun = sampler._solver._tangent, self._draft.joined(self._found)
         self.first, slip = self.changed(np.zeros(self.tangent.size, np.float32))
         assert slip is not None

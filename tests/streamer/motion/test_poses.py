@@ -143,8 +143,9 @@ def test_a_pose_that_is_reached_late_is_kept_as_well(monkeypatch: pytest.MonkeyP
 
 
 def test_a_hand_that_is_raised_twice_comes_down_in_between(sampler: Sampler) -> None:
-    wrist = forward(stream(sampler, "raise your right hand twice", 10.0)).wrist[:, 1, 2]
-    assert wrist.max() - wrist[wrist.argmax() :].min() > 0.3
+    """It stayed up for ten seconds, lower in between by 30 cm in some samples."""
+    up = forward(stream(sampler, "raise your right hand twice", 10.0)).wrist[:, 1, 2] > 1.3
+    assert (np.diff(up.astype(int)) == -1).sum() == 2
 
 
 def test_gestures_of_motion_are_no_poses(sampler: Sampler) -> None:

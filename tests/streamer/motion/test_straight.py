@@ -40,9 +40,9 @@ def headings(
 
 
 def test_standing_does_not_turn(sampler: Sampler) -> None:
-    """Regression: who stood turned by 50° in two minutes."""
-    kept, before = (headings(sampler, [(0.0, Text("stand still"))], 90.0, straight=on) for on in (True, False))
-    assert np.abs(kept[150:]).max() < 3.0 < np.abs(before[150:]).max()
+    """Regression: who stood turned by 50° in two minutes. Feet that rest keep the heading, course or not."""
+    kept, alone = (headings(sampler, [(0.0, Text("stand still"))], 90.0, straight=on) for on in (True, False))
+    assert np.abs(kept[150:]).max() < 1.0 and np.abs(alone[150:]).max() < 1.0
 
 
 def test_a_walk_goes_straight(sampler: Sampler) -> None:

@@ -1,0 +1,25 @@
+"""`made_gesture`: the recipe from which the training clips of a kind of motion were made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+from flexmotion.gestures.recipes import Gesture, recipes
+from flexmotion.human.skeleton import LEFT, RIGHT
+from flexmotion.text.sides import mirrored
+
+
+def made_gesture(kind: str) -> tuple[Gesture, int] | None:
+    """Recipe of a kind, and its side, `LEFT` or `RIGHT`; None of a kind that was recorded."""
+    return made_gestures().get(kind)
+
+
+@lru_cache
+def made_gestures() -> Mapping[str, tuple[Gesture, int]]:
+    """Recipe and side of every kind that was made, those to the left included."""
+    return {
+        kind: (gesture, side)
+        for gesture in recipes()
+        for kind, side in ((mirrored(gesture.kind), LEFT), (gesture.kind, RIGHT))
+    }

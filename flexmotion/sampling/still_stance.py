@@ -1,0 +1,106 @@
+"""`StillStance`: pelvis and legs of a human that stands on both feet stay as they are.
+
+People who stand move their pelvis by millimetres, and hardly more while they wave or look around. A sampled pelvis
+trembles: points of the legs jerked by 3 to 8 m/s³ in stands and gestures, those of people by .1 to .4. Nothing in the
+words asks the legs to move, so that they come to rest once the human stands: in a gesture as it stands, in a stand
+upright, since one that follows a bow would be bowed by 10 degrees for ever.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.sole import REACH
+from flexmotion.human.kinematics import foot_points
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS, LEG_JOINTS, SIDES
+from flexmotion.sampling.settling import settled, stopped
+from flexmotion.spatial.heading import heading
+from flexmotion.spatial.tilt import lean_of
+
+Float = NDArray[np.float64]
+
+SETTLING_S, UPRIGHT_S = 0.15, 0.4
+"""Time constants with which they come to rest, and with which a pelvis comes upright [s]."""
+
+SEEN = 4
+"""Last known frames in which the human has to stand."""
+
+SLOW, SLOW_TURN = 0.06, 0.25
+"""Speeds below which pelvis and feet stand still [m/s], and the pelvis's turning [rad/s]: a human that sways is slower,
+one that rises from a squat is faster."""
+
+BENT, LEANING = np.radians(45.0), np.radians(12.0)
+"""Knees that are bent further than this, and pelvises that lean further from that of the rest pose, are on their way
+[rad]: nobody is left in half a squat, or bowed. Recorded people stand with knees up to 38° by our angles."""
+
+_LEGS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in LEG_JOINTS]
+_KNEES = [JOINTS.index(f"knee_flexion_{side}") for side in SIDES]
+
+
+@dataclass(frozen=True)
+class StillStance:
+    """How a human stands.
+
+    Attributes:
+        past: the last known frames, at least two.
+        rest: orientation of the pelvis in a rest pose with its heading, w x y z, (4,).
+    """
+
+    past: Motion
+    rest: Float
+
+    @classmethod
+    def of(cls, past: Motion, rest: Motion) -> StillStance | None:
+        """That of a motion at its end; None: its human is on the move, or does not stand on both feet.
+
+        Args:
+            past: at least one frame.
+            rest: a standing human, whose last frame counts.
+        """
+        last = past[max(0, len(past) - SEEN) :]
+        own = last.root_quaternion[-1]
+        upright = _turned(rest.root_quaternion[-1], float(heading(own) - heading(rest.root_quaternion[-1])))
+        leans = np.linalg.norm(lean_of(own) - lean_of(upright))
+        if len(last) < 2 or leans > LEANING or (last.joints[-1, _KNEES] > BENT).any():
+            return None
+        seconds = (len(last) - 1) / last.fps
+        feet = foot_points(last)
+        if feet[..., 2].max() > REACH or np.ptp(feet, axis=0).max() > SLOW * seconds:
+            return None
+        turned = np.linalg.norm(last.root_quaternion[-1] - last.root_quaternion[0]) * 2.0
+        moved = np.linalg.norm(last.root_position[-1] - last.root_position[0])
+        if moved > SLOW * seconds or turned > SLOW_TURN * seconds:
+            return None
+        return cls(last, upright if own @ upright > 0.0 else -upright)
+
+    def kept(self, window: Motion, *, upright: bool) -> Motion:
+        """A window after it whose pelvis and legs come to rest; place, speed and acceleration are continuous.
+
+        Args:
+            window: as sampled.
+            upright: whether the pelvis comes to lean as in the rest pose; else it stays as it is.
+        """
+        joints = window.joints.copy()
+        past, end = self.past, (len(window), window.fps)
+        joints[:, _LEGS] = stopped(past.joints[:, _LEGS], *end, SETTLING_S)
+        quaternion = (
+            settled(past.root_quaternion, self.rest, *end, UPRIGHT_S)
+            if upright
+            else stopped(past.root_quaternion, *end, SETTLING_S)
+        )
+        return replace(
+            window,
+            joints=joints,
+            root_position=stopped(past.root_position, *end, SETTLING_S),
+            root_quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
+        )
+
+
+def _turned(quaternion: Float, yaw: float) -> Float:
+    """A unit quaternion w x y z turned about the vertical by an angle [rad]."""
+    (w, x, y, z), cosine, sine = quaternion, np.cos(yaw / 2.0), np.sin(yaw / 2.0)
+    return np.array([cosine * w - sine * z, cosine * x - sine * y, cosine * y + sine * x, cosine * z + sine * w])
