@@ -47,6 +47,9 @@ ARRIVING = 4
 OFF_COURSE = np.radians(2.5)
 """A human that stands turns back to its course where it heads further from it than this [rad]."""
 
+IN_PLACE = 1e-6
+"""Legs are not closed where feet and balance moved no farther than this [m]."""
+
 FAR = 0.015
 """Resting feet that slip farther than this in a planted window [m] are brought back before it is balanced, too, which
 takes as much time again: where legs do not reach, the balance is to know."""
@@ -113,13 +116,14 @@ class Draft:
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
-        stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
-        motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
+        if self.still is not None:
+            motion, slip = self.still.kept(decoded, upright=not self._in_gesture), None
+        else:
+            stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
+            motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
         if self.stands or self.still is not None:
             rest = self.rest.joints[-1]
             motion = at_rest(motion, self.history, rest, self.idle, stays=self._in_gesture)
-        if self.still is not None:
-            motion = self.still.kept(motion, upright=not self._in_gesture)
         for own in (self.pose, self.beside):
             motion = motion if own is None else own.kept(motion, self.history)
         return motion, slip
@@ -185,21 +189,27 @@ class Draft:
             assert motion.contacts is not None
             # A body that stood on both feet and was said to stand on one would fall away from it.
             motion = replace(motion, contacts=motion.contacts | resting.stands)
-        stays, kept = None, constraints if closes else None
+        stays, in_place = None, False
         if constraints is not None:
             reaching = closed(motion, self.anchor, constraints, (LEG,))
             stays = staying(reaching, self.anchor, constraints)
             # Forces are shared between the feet as asked before what the motion lacks of them is seen.
             motion = _with_forces(reaching if closes else motion, constraints, self.anchor)
+        nothing = Constraints.none(self.layout, self.body, len(motion))
         if resting is not None:
-            nothing = Constraints.none(self.layout, self.body, len(motion))
             resting = resting if constraints is None else resting.beside(constraints)
+            in_place = constraints is None and np.abs(resting.away).max() < IN_PLACE
             if np.abs(resting.away).max() > FAR:
                 motion = closed(motion, self.anchor, resting.asked(nothing, self.anchor), (LEG,))
                 resting = resting.reached(foot_points(motion))
-            kept = resting.asked(nothing if kept is None else kept, self.anchor)
 
         def finish(window: Motion, segments: SegmentMotion) -> Motion:
+            moved = np.abs(window.root_position - motion.root_position).max()
+            if in_place and moved < IN_PLACE:
+                return window
+            kept = constraints if closes else None
+            if resting is not None:
+                kept = resting.asked(nothing if kept is None else kept, self.anchor)
             return window if kept is None else closed(window, self.anchor, kept, segments=segments)
 
         return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff)
