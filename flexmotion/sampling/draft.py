@@ -29,7 +29,7 @@ from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
 from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
-from flexmotion.sampling.resting_feet import RestingFeet
+from flexmotion.sampling.resting_feet import RestingFeet, standing_on
 from flexmotion.sampling.rhythm import Rhythm
 from flexmotion.sampling.still_stance import StillStance
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
@@ -46,6 +46,9 @@ ARRIVING = 4
 
 OFF_COURSE = np.radians(2.5)
 """A human that stands turns back to its course where it heads further from it than this [rad]."""
+
+UPRIGHT = np.radians(0.1)
+"""A pelvis that leans by less than this [rad] is upright."""
 
 IN_PLACE = 1e-6
 """Legs are not closed where feet and balance moved no farther than this [m]."""
@@ -117,7 +120,7 @@ class Draft:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
         if self.still is not None:
-            motion, slip = self.still.kept(decoded, upright=not self._in_gesture), None
+            motion, slip = self._standing(decoded, self.still), None
         else:
             stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
             motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
@@ -127,6 +130,17 @@ class Draft:
         for own in (self.pose, self.beside):
             motion = motion if own is None else own.kept(motion, self.history)
         return motion, slip
+
+    def _standing(self, motion: Motion, still: StillStance) -> Motion:
+        """A window of a human that stands still, in a stand upright."""
+        if self._in_gesture:
+            return still.kept(motion, upright=False)
+        found = still.kept(motion, upright=True)
+        if still.leans < UPRIGHT:
+            return found
+        # Legs keep the feet below a pelvis that turns.
+        feet, nothing = self._feet_before[0], Constraints.none(self.layout, self.body, len(found))
+        return closed(found, self.anchor, standing_on(feet, nothing, self.anchor), (LEG,))
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.

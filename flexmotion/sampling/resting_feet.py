@@ -104,6 +104,21 @@ class RestingFeet:
         return constraints
 
 
+def standing_on(feet: Float, constraints: Constraints, anchor: Anchor) -> Constraints:
+    """Constraints, and that both feet are at a place in all frames of the window.
+
+    Args:
+        feet: heel and toe of both feet in the world, (2, 2, 3) [m].
+        constraints: of the window.
+        anchor: the frame before it.
+    """
+    every = list(range(len(constraints.mask)))
+    for foot, side in enumerate(SIDES):
+        for end, name in enumerate(ENDS):
+            constraints = constraints.place(f"{name}_{side}", every, anchor.local(feet[foot, end][None])[0])
+    return constraints
+
+
 def _spells(flags: Flags) -> list[slice]:
     """Runs of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))

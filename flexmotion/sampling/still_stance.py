@@ -48,10 +48,12 @@ class StillStance:
     Attributes:
         past: the last known frames, at least two.
         rest: orientation of the pelvis in a rest pose with its heading, w x y z, (4,).
+        leans: how far the pelvis leans from there [rad].
     """
 
     past: Motion
     rest: Float
+    leans: float
 
     @classmethod
     def of(cls, past: Motion, rest: Motion) -> StillStance | None:
@@ -64,7 +66,7 @@ class StillStance:
         last = past[max(0, len(past) - SEEN) :]
         own = last.root_quaternion[-1]
         upright = _turned(rest.root_quaternion[-1], float(heading(own) - heading(rest.root_quaternion[-1])))
-        leans = np.linalg.norm(lean_of(own) - lean_of(upright))
+        leans = float(np.linalg.norm(lean_of(own) - lean_of(upright)))
         if len(last) < 2 or leans > LEANING or (last.joints[-1, _KNEES] > BENT).any():
             return None
         seconds = (len(last) - 1) / last.fps
@@ -75,7 +77,7 @@ class StillStance:
         moved = np.linalg.norm(last.root_position[-1] - last.root_position[0])
         if moved > SLOW * seconds or turned > SLOW_TURN * seconds:
             return None
-        return cls(last, upright if own @ upright > 0.0 else -upright)
+        return cls(last, upright if own @ upright > 0.0 else -upright, leans)
 
     def kept(self, window: Motion, *, upright: bool) -> Motion:
         """A window after it whose pelvis and legs come to rest; place, speed and acceleration are continuous.

@@ -16,6 +16,9 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.still_stance import SETTLING_S, StillStance
 from flexmotion.spatial.tilt import tilt_of
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +90,19 @@ def test_feet_of_a_gesture_stay_where_they_are(sampler: Sampler) -> None:
         history = sampler.sample(history, Condition("wave with the right hand"), seed)
     assert np.abs(foot_points(history)[-1] - before).max() < 5e-3
     assert np.ptp(history.joints[:, 21:24], axis=0).max() > 0.1, "the arm waves"
+
+
+@pytest.mark.parametrize("balanced", [True, False])
+def test_feet_stay_below_a_pelvis_that_comes_upright(balanced: bool, bundle: Path) -> None:
+    """Of windows that are not balanced, which a robot follows, they slid by 15 cm after a bow."""
+    sampler = Sampler(Bundle(bundle), balanced=balanced)
+    source = ModelSource(sampler, [Item(0.0, Text("bow")), Item(2.5, Text("stand still"))], "model:shipped")
+    motion = source.window(0, 300)
+    assert motion is not None
+    feet, tilt = foot_points(motion[180:]), np.degrees(tilt_of(motion.root_quaternion[180:]))
+    upright = np.degrees(tilt_of(sampler.standing().root_quaternion[-1]))
+    assert np.ptp(tilt) > 1.0 and tilt[-1] == pytest.approx(upright, abs=0.2)
+    assert np.ptp(feet, axis=0).max() < 0.01 and np.abs(feet[..., 2]).max() < 0.02
 
 
 def test_asked_to_walk_a_still_human_walks(sampler: Sampler) -> None:
