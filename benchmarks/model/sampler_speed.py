@@ -1,8 +1,9 @@
 """How long does a sample of one window take on one thread?
 
 Prints milliseconds per sample, on the wall clock and of the processor alone (which other processes hardly change), for
-several numbers of diffusion steps, over the processor time with the first bundle's own number; and the peak memory of
-this process. --diffusion adds a bundle that is not distilled.
+several numbers of diffusion steps, over the processor time with the first bundle's own number; for that number also
+those of windows that a robot follows, which are not balanced (docs/model.md); and the peak memory of this process.
+--diffusion adds a bundle that is not distilled.
 """
 
 from __future__ import annotations
@@ -73,14 +74,17 @@ def main(
     first, *others = [open_bundle(bundle), *([] if diffusion is None else [open_bundle(diffusion)])]
     for opened in (first, *others):
         # The bundle's own number first: all others are compared with it.
-        for steps in dict.fromkeys((opened.manifest.steps, *STEPS)):
-            took = measure(Sampler(opened, steps), max(20, repeats // (1 + steps // 10)))
+        usual = opened.manifest.steps
+        rows = [(steps, True) for steps in dict.fromkeys((usual, *STEPS))]
+        for steps, balanced in (*rows, (usual, False)):
+            took = measure(Sampler(opened, steps, balanced=balanced), max(20, repeats // (1 + steps // 10)))
             wall, processor = (np.quantile(column, (0.5, 0.99)) for column in took.T)
             own = own or float(processor[0])
             cells = [f"{value:.2f}" for value in (*wall, *processor, processor[0] / own)]
-            table.add_row(opened.folder.name, str(steps), *cells)
+            table.add_row(opened.folder.name, f"{steps}{'' if balanced else ', for a robot'}", *cells)
             names = ("p50_ms", "p99_ms", "cpu_p50_ms", "cpu_p99_ms")
             label = f"{opened.folder.name}, {steps} {'step' if steps == 1 else 'steps'}"
+            label += "" if balanced else ", not balanced"
             figures[label] = dict(zip(names, map(float, (*wall, *processor)), strict=True))
     Console(width=120).print(table)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

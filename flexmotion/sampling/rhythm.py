@@ -1,4 +1,4 @@
-"""`Rhythm`: gestures of strokes that are repeated (nods, claps), over the human that a model samples.
+"""`Rhythm`: gestures of strokes that are repeated (nods, claps, shrugs), over the human that a model samples.
 
 A window of the model is one latent, and latents keep too little of such strokes: of nods 40 % of the angle, of claps
 63 % of the way (docs/decisions.md). The model stands; the recipe from which its training clips of the gesture were made
@@ -10,18 +10,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import Plan, draw_plan
-from flexmotion.gestures.recipes import Gesture
+from flexmotion.gestures.recipes import Gesture, Pose, Step
 from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.led_path import KNOWN, led_along
 from flexmotion.sampling.made_gestures import made_gestures
+from flexmotion.text.phrases import is_pose
 
 Float = NDArray[np.float64]
 
@@ -30,6 +32,9 @@ TURNS = 4
 
 SIZES = 8
 """Draws of what a recipe leaves open of its poses. All last as long as the first: repetitions are counted alike."""
+
+BETWEEN, PAUSE = "between", (0.3, 0.9)
+"""Pose between two repetitions of a gesture of one pose (a shrug), and for how long it is held [s]."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
@@ -71,13 +76,12 @@ class Rhythm:
             KeyError: it is another kind of motion.
         """
         gesture, side = _recipes()[kind]
-        (step,) = gesture.steps
-        again = step.model_copy(update={"count": (TURNS + 1, TURNS + 1)})
-        endless = gesture.model_copy(update={"steps": (again,)})
+        once = [name for step in gesture.steps for name in step.names]
+        endless = gesture.model_copy(update=_endless(gesture))
         usual, own = (draw_plan(endless, body, side, np.random.default_rng(seed)) for seed in (0, size % SIZES))
         # Arms and head are to be the same again at the same time.
         plan = replace(usual, targets=own.targets, lead=0.0)
-        return cls(plan, rest, len(step.names), sum(step.count) // 2, gesture.shortest)
+        return cls(plan, rest, max(len(once), 2), sum(gesture.steps[0].count) // 2, gesture.shortest)
 
     def later(self, frames: int) -> Rhythm:
         """The gesture so many frames later."""
@@ -135,10 +139,18 @@ class Rhythm:
         return self.plan.strokes[stroke].end
 
 
+def _endless(gesture: Gesture) -> dict[str, Any]:
+    """Poses and steps of a recipe that is repeated without an end."""
+    first, *more = gesture.steps
+    if first.repeat:
+        return {"steps": (first.model_copy(update={"count": (TURNS + 1, TURNS + 1)}),)}
+    between = () if more else (Step(pose=BETWEEN, hold=PAUSE),)
+    return {"poses": gesture.poses | {BETWEEN: Pose()}, "steps": (*gesture.steps, *between) * (TURNS + 1)}
+
+
 def is_rhythm(gesture: Gesture) -> bool:
-    """Whether a gesture of arms and head is one repetition after the other, without a hold."""
-    repeats = len(gesture.steps) == 1 and len(gesture.steps[0].repeat) > 1
-    return repeats and all(pose.down is None for pose in gesture.poses.values())
+    """Whether a gesture of arms and head ends by itself, so that it is done again and again: no pose that is held."""
+    return not is_pose(gesture.kind) and all(pose.down is None for pose in gesture.poses.values())
 
 
 @lru_cache

@@ -49,7 +49,7 @@ def of(kind: str, human: Motion, size: int = 0) -> Rhythm:
 
 def test_the_kinds_are_those_whose_strokes_follow_each_other_and_their_mirror_images() -> None:
     assert rhythm_kinds() == {
-        *("nod", "shake-head", "clap", "beckon-left-hand", "beckon-right-hand"),
+        *("nod", "shake-head", "look-around", "shrug", "clap", "beckon-left-hand", "beckon-right-hand"),
         *("shake-hands-left-hand", "shake-hands-right-hand"),
     }
     squat = next(gesture for gesture in recipes() if gesture.kind == "squat")
