@@ -10,26 +10,30 @@ from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES, TRUNK_JOINTS
-from flexmotion.sampling.settling import KNOWN, settled, stopped
+from flexmotion.sampling.ball_path import settled_joints
+from flexmotion.sampling.settling import KNOWN, stopped
 
 Float = NDArray[np.float64]
 
-RESTING_S = 0.6
-"""Time constant with which they move to the pose."""
+RESTING_S = 0.35
+"""Time constant with which they move to the pose [s]: a hand that comes down peaks at 1 to 2 m/s."""
 
-NEAR, SLOW = 0.35, 0.6
-"""Joints of an arm, the neck or the trunk that are all so near to the pose [rad], and so slow [rad/s], are at rest."""
+NEAR, UPRIGHT, SLOW = 0.35, 0.09, 0.6
+"""Joints of an arm that are all so near to the pose [rad] hang, and those of neck or trunk are upright, where they are
+slow as well [rad/s]. Everybody's arms hang in their own way; a trunk that leans is on its way: kept within .35 rad of
+the pose, robots that nodded after a walk or a bow leaned by 10 to 17° for as long as they did."""
 
 SETTLING_S = 0.2
-"""Time constant with which joints at rest settle: led window by window from what is sampled, hands jerked by 5 m/s³."""
+"""Likewise of joints that are at rest [s]. Led window by window from what is sampled, hands jerked by 5 m/s³."""
 
 ARMS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in ARM_JOINTS]
 _PARTS = (
-    *([JOINTS.index(name) for name in TRUNK_JOINTS if name.startswith(part)] for part in ("lumbar", "neck")),
-    *([JOINTS.index(f"{joint}_{side}") for joint in ARM_JOINTS] for side in SIDES),
+    *(([JOINTS.index(name) for name in TRUNK_JOINTS if name.startswith(part)], UPRIGHT) for part in ("lumbar", "neck")),
+    *(([JOINTS.index(f"{joint}_{side}") for joint in ARM_JOINTS], NEAR) for side in SIDES),
 )
+"""Joints of each part, and how near to the pose they are at rest [rad]."""
 
-UPPER = frozenset(joint for part in _PARTS for joint in part)
+UPPER = frozenset(joint for part, _ in _PARTS for joint in part)
 """All joints that can be at rest."""
 
 
@@ -47,41 +51,25 @@ def at_rest(motion: Motion, past: Motion, rest: Float, idle: Collection[int] = U
     """
     known = past.joints[max(0, len(past) - KNOWN) :]
     rate = (known[-1] - known[max(0, len(known) - 2)]) * motion.fps
-    joints = motion.joints.copy()
-    for part in _PARTS:
+    joints, end = motion.joints.copy(), (len(motion), motion.fps)
+    for part, near in _PARTS:
         columns = [joint for joint in part if joint in idle]
         if not columns:
             continue
         off = np.abs(known[-1, columns] - rest[columns])
-        if (off > NEAR).any() or (np.abs(rate[columns]) > SLOW).any():
-            joints[:, columns] = led_to(motion, rest, columns, RESTING_S).joints[:, columns]
-            continue
-        own, end = known[:, columns], (len(motion), motion.fps, SETTLING_S)
-        joints[:, columns] = stopped(own, *end) if stays else settled(own, rest[columns], *end)
+        hangs = bool((off <= near).all() and (np.abs(rate[columns]) <= SLOW).all())
+        if hangs and stays:
+            joints[:, columns] = stopped(known[:, columns], *end, SETTLING_S)
+        else:
+            seconds = SETTLING_S if hangs else RESTING_S
+            joints[:, columns] = settled_joints(known, rest, columns, *end, seconds)[:, columns]
     return replace(motion, joints=joints)
 
 
 def resting(joints: Float, rest: Float) -> Float:
     """Joint angles whose parts that are not near the rest pose are in it, (26,) [rad]."""
     found = joints.copy()
-    for part in _PARTS:
-        if (np.abs(joints[part] - rest[part]) > NEAR).any():
+    for part, near in _PARTS:
+        if (np.abs(joints[part] - rest[part]) > near).any():
             found[part] = rest[part]
     return found
-
-
-def led_to(motion: Motion, pose: Float, columns: list[int], seconds: float, first: int = 0) -> Motion:
-    """The motion with some joints moved to a pose, from where they are; angles and speeds are continuous.
-
-    Args:
-        motion: a window.
-        pose: joint angles, (26,) [rad].
-        columns: joints that move.
-        seconds: time constant.
-        first: frame of the window in which they begin to.
-    """
-    passed = np.maximum(np.arange(1, len(motion) + 1) - first, 0)[:, None] / motion.fps / seconds
-    share = 1.0 - (1.0 + passed) * np.exp(-passed)
-    joints = motion.joints.copy()
-    joints[:, columns] += share * (pose[columns] - joints[:, columns])
-    return replace(motion, joints=joints)

@@ -31,7 +31,7 @@ from flexmotion.sampling.placed_legs import placed
 from flexmotion.sampling.planted import Holding, Slip, lifted, planted_slip
 from flexmotion.sampling.resting_feet import RestingFeet, standing_on
 from flexmotion.sampling.rhythm import Rhythm
-from flexmotion.sampling.still_stance import StillStance
+from flexmotion.sampling.still_stance import SWAYING, StillStance
 from flexmotion.sampling.window_pose import PELVIS, WindowPose
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -43,9 +43,6 @@ WALKS = 0.4
 
 ARRIVING = 4
 """Last known frames over which the speed of its arrival is measured."""
-
-OFF_COURSE = np.radians(2.5)
-"""A human that stands turns back to its course where it heads further from it than this [rad]."""
 
 UPRIGHT = np.radians(0.1)
 """A pelvis that leans by less than this [rad] is upright."""
@@ -132,15 +129,14 @@ class Draft:
         return motion, slip
 
     def _standing(self, motion: Motion, still: StillStance) -> Motion:
-        """A window of a human that stands still, in a stand upright."""
-        if self._in_gesture:
-            return still.kept(motion, upright=False)
-        found = still.kept(motion, upright=True)
-        if still.leans < UPRIGHT:
+        """A window of a human that stands still, upright in a stand and where it leaned."""
+        upright = still.leans > (SWAYING if self._in_gesture else UPRIGHT)
+        found = still.kept(motion, upright=upright)
+        if still.rests and not upright:
             return found
-        # Legs keep the feet below a pelvis that turns.
-        feet, nothing = self._feet_before[0], Constraints.none(self.layout, self.body, len(found))
-        return closed(found, self.anchor, standing_on(feet, nothing, self.anchor), (LEG,))
+        # Legs keep the feet on the floor, below a pelvis that turns.
+        nothing = Constraints.none(self.layout, self.body, len(found))
+        return closed(found, self.anchor, standing_on(still.places(len(found)), nothing, self.anchor), (LEG,))
 
     def sketched(self, features: Float32) -> tuple[WindowPose, Holding]:
         """Kinematics of the planted window without its motion, and how its feet are held, in the frame of the window.
@@ -158,10 +154,8 @@ class Draft:
 
     @cached_property
     def still(self) -> StillStance | None:
-        """The stance in which pelvis and legs stay; None: they move as decoded, as on a way back to their course."""
-        if not self.quiet or (self.asked is not None and abs(self.asked.turn) > OFF_COURSE):
-            return None
-        return StillStance.of(self.history, self.rest)
+        """The stance in which pelvis and legs stay; None: they move as decoded."""
+        return StillStance.of(self.history, self.rest) if self.quiet else None
 
     @property
     def _in_gesture(self) -> bool:

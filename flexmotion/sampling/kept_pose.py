@@ -7,14 +7,16 @@ the recipe from which the model's training clips were made (`made_pose.py`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.at_rest import ARMS, led_to
-from flexmotion.sampling.settling import KNOWN, settled
+from flexmotion.sampling.at_rest import ARMS
+from flexmotion.sampling.ball_path import led_joints, settled_joints
+from flexmotion.sampling.settling import KNOWN
 
 Float = NDArray[np.float64]
 
@@ -26,7 +28,10 @@ KEEPING_S = 0.1
 rest, by centimetres."""
 
 SETTLING_S = 0.3
-"""Likewise of windows after it, which begin where the one before ended [s], and of a pose that is led to."""
+"""Likewise of windows after it, which begin where the one before ended [s]."""
+
+BEFORE = -1
+"""Frame of a pose that is asked from the first frame of a window on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,24 +43,25 @@ class KeptPose:
         frame: after which they are led there, of the motion or of the window that is asked for; before a window
             negative.
         columns: joints that count.
-        seconds: time constant with which a window is led there that begins before `frame` [s].
+        seconds: time constant with which windows after it come to rest there [s].
     """
 
     joints: Float
     frame: int
     columns: tuple[int, ...] = tuple(ARMS)
-    seconds: float = KEEPING_S
+    seconds: float = SETTLING_S
 
     @classmethod
-    def reached(cls, motion: Motion) -> KeptPose | None:
+    def reached(cls, motion: Motion, columns: Sequence[int] = ARMS) -> KeptPose | None:
         """The pose that was reached in a motion; None: its arms are still on their way.
 
         Args:
             motion: from the frame on in which the pose was asked for.
+            columns: joints of the arms that are asked for it.
         """
-        away = np.linalg.norm(motion.joints[:, ARMS] - motion.joints[0, ARMS], axis=1)
+        away = np.linalg.norm(motion.joints[:, columns] - motion.joints[0, columns], axis=1)
         farthest = int(away.argmax())
-        return None if farthest >= len(motion) - ARRIVED else cls(motion.joints[farthest], farthest)
+        return None if farthest >= len(motion) - ARRIVED else cls(motion.joints[farthest], farthest, tuple(columns))
 
     def later(self, frames: int) -> KeptPose:
         """The pose as seen from so many frames later."""
@@ -69,12 +75,12 @@ class KeptPose:
             before: the motion before it, at least one frame.
         """
         columns = list(self.columns)
-        known = before.joints[max(0, len(before) - KNOWN) :, columns]
-        turns = 2 * np.pi * np.round((known[-1] - self.joints[columns]) / (2 * np.pi))
-        pose = self.joints.copy()
-        pose[columns] += turns  # an arm that has turned all round goes on where it is
+        known = before.joints[max(0, len(before) - KNOWN) :]
         if self.frame >= 0:
-            return led_to(window, pose, columns, self.seconds, self.frame + 1)
+            passed = np.maximum(np.arange(len(window)) - self.frame, 0)[:, None] / (window.fps * KEEPING_S)
+            share = 1.0 - (1.0 + passed) * np.exp(-passed)
+            return replace(window, joints=led_joints(window.joints, self.joints, columns, share, known[-1]))
         joints = window.joints.copy()
-        joints[:, columns] = settled(known, pose[columns], len(window), window.fps, SETTLING_S)
+        found = settled_joints(known, self.joints, columns, len(window), window.fps, self.seconds)
+        joints[:, columns] = found[:, columns]
         return replace(window, joints=joints)

@@ -1,8 +1,8 @@
 """`made_pose`: the pose of a gesture that was made by a recipe, in which it is held.
 
-Recordings lack such gestures. The clips that the model was trained on were made, and so can be the pose that they end
-in: the model brings arms and head there in its own way, and near to it. Left to the model, a sample in eight dropped
-the arm again, and hands were held by 2 to 5 cm elsewhere than in clips.
+Recordings lack such gestures. The clips that the model was trained on were made by recipes, and so is their pose here:
+arms, head and trunk come to rest in it from where they are. Left to the model, a sample in eight dropped the arm again,
+hands were held by 2 to 5 cm elsewhere than in clips, and swung by up to 12 m/s from one pose to the next.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import draw_plan
 from flexmotion.human.body import Body
 from flexmotion.sampling.at_rest import resting
-from flexmotion.sampling.kept_pose import SETTLING_S, KeptPose
+from flexmotion.sampling.kept_pose import BEFORE, KeptPose
 from flexmotion.sampling.made_gestures import made_gesture
 
 Float = NDArray[np.float64]
 
-BEGUN_S = 0.5
-"""Time after which a gesture is led to its pose [s]: until then the model begins it."""
+REACHING_S = 0.2
+"""Time constant with which the pose is reached [s]: a hand that is raised from the hip peaks at 2 m/s, as people's."""
 
 
-def made_pose(kind: str, body: Body, base: Float, rest: Float, fps: float, seed: int) -> KeptPose | None:
+def made_pose(kind: str, body: Body, base: Float, rest: Float, seed: int) -> KeptPose | None:
     """The pose in which a gesture is held; None of a kind without a recipe, or that moves the legs.
 
     Args:
@@ -32,7 +32,6 @@ def made_pose(kind: str, body: Body, base: Float, rest: Float, fps: float, seed:
         base: joint angles when the gesture begins, (26,) [rad]: head and trunk turn from there, where they are near
             `rest`.
         rest: of a standing human, (26,) [rad].
-        fps: frames per second.
         seed: of what the recipe leaves open.
     """
     found = made_gesture(kind)
@@ -41,4 +40,4 @@ def made_pose(kind: str, body: Body, base: Float, rest: Float, fps: float, seed:
     gesture, side = found
     plan = draw_plan(gesture, body, side, np.random.default_rng(seed))
     reached = moved(resting(base, rest)[None], np.array([plan.strokes[0].end + plan.lead]), plan)[0]
-    return KeptPose(reached, round(BEGUN_S * fps), tuple(moving(plan)), SETTLING_S)
+    return KeptPose(reached, BEFORE, tuple(moving(plan)), REACHING_S)

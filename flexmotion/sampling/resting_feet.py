@@ -105,17 +105,17 @@ class RestingFeet:
 
 
 def standing_on(feet: Float, constraints: Constraints, anchor: Anchor) -> Constraints:
-    """Constraints, and that both feet are at a place in all frames of the window.
+    """Constraints, and that both feet are at places in all frames of the window.
 
     Args:
-        feet: heel and toe of both feet in the world, (2, 2, 3) [m].
+        feet: heel and toe of both feet in the world, (W, 2, 2, 3) [m].
         constraints: of the window.
         anchor: the frame before it.
     """
     every = list(range(len(constraints.mask)))
     for foot, side in enumerate(SIDES):
         for end, name in enumerate(ENDS):
-            constraints = constraints.place(f"{name}_{side}", every, anchor.local(feet[foot, end][None])[0])
+            constraints = constraints.place(f"{name}_{side}", every, anchor.local(feet[:, foot, end]))
     return constraints
 
 

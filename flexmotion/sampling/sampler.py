@@ -31,6 +31,7 @@ from flexmotion.sampling.low_pass import HELD_CUTOFF
 from flexmotion.sampling.made_pose import made_pose
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.rhythm import SIZES, Rhythm
+from flexmotion.sampling.still_stance import StillStance
 from flexmotion.sampling.tangent import tangent_of
 from flexmotion.text.prompt_reader import Prompt
 
@@ -128,6 +129,15 @@ class Sampler:
             self._rhythms[key] = Rhythm.of(kind, self.body, self._rest.joints[-1], size)
         return self._rhythms[key].paced(condition.tempo)
 
+    def rests(self, condition: Condition, history: Motion) -> bool:
+        """Whether pelvis and legs of a human stay as they are, where a condition of `meant` has no constraints.
+
+        Args:
+            condition: of the window after the history.
+            history: at least one frame.
+        """
+        return self.requests.leaves_legs(condition) and StillStance.of(history, self._rest) is not None
+
     def made_pose(self, condition: Condition, begin: Motion, seed: int) -> KeptPose | None:
         """The pose in which a gesture that a condition of `meant` asks for is held; None: it is left to the model.
 
@@ -139,7 +149,7 @@ class Sampler:
         kind = self.requests.pose(condition)
         if kind is None:
             return None
-        return made_pose(kind, self.body, begin.joints[-1], self._rest.joints[-1], self.fps, seed)
+        return made_pose(kind, self.body, begin.joints[-1], self._rest.joints[-1], seed)
 
     @property
     def name(self) -> str:
@@ -202,8 +212,7 @@ class Sampler:
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         draft = self._draft(history, remembered, condition)
-        # A human that stands still is on its course.
-        if constraints is not None and (draft.still is None or constraints.of_frames):
+        if constraints is not None:
             return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
         found = self._frames(latent)
         return draft.delivered(draft.planted(draft.joined(found))[0], found)
@@ -225,7 +234,7 @@ class Sampler:
             rest=self._rest,
             idle=self.requests.idle(meant) if free else frozenset(),
             stands=free and self.requests.stands(meant),
-            quiet=free and self.requests.leaves_legs(meant),
+            quiet=asked is None and self.requests.leaves_legs(meant),
             on_the_spot=not self.requests.travels(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),

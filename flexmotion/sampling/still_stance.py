@@ -2,8 +2,8 @@
 
 People who stand move their pelvis by millimetres, and hardly more while they wave or look around. A sampled pelvis
 trembles: points of the legs jerked by 3 to 8 m/s³ in stands and gestures, those of people by .1 to .4. Nothing in the
-words asks the legs to move, so that they come to rest once the human stands: in a gesture as it stands, in a stand
-upright, since one that follows a bow would be bowed by 10 degrees for ever.
+words asks the legs to move, so that they come to rest once the human stands. In a gesture it stands as it does, but for
+a pelvis that leans; in a stand it comes upright, since one that follows a bow would be bowed by 10 degrees for ever.
 """
 
 from __future__ import annotations
@@ -37,6 +37,16 @@ BENT, LEANING = np.radians(45.0), np.radians(12.0)
 """Knees that are bent further than this, and pelvises that lean further from that of the rest pose, are on their way
 [rad]: nobody is left in half a squat, or bowed. Recorded people stand with knees up to 38° by our angles."""
 
+SWAYING = 0.07
+"""A pelvis that leans by more than this from that of the rest pose [rad] comes upright in a gesture, too."""
+
+RESTED = 1e-4
+"""Joints and pelvis that move by less in a frame rest [rad, m]."""
+
+SUNK, ABOVE = 1e-3, 0.01
+"""Heels and toes that are higher than the second, or under the floor, come down to it, or up [m]; as far as the first
+off they stay. Left as they were after a step, heels stayed 3 cm in the floor, or over it."""
+
 _LEGS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in LEG_JOINTS]
 _KNEES = [JOINTS.index(f"knee_flexion_{side}") for side in SIDES]
 
@@ -49,11 +59,13 @@ class StillStance:
         past: the last known frames, at least two.
         rest: orientation of the pelvis in a rest pose with its heading, w x y z, (4,).
         leans: how far the pelvis leans from there [rad].
+        feet: heel and toe of both feet in the last known frame, in the world, (2, 2, 3) [m].
     """
 
     past: Motion
     rest: Float
     leans: float
+    feet: Float
 
     @classmethod
     def of(cls, past: Motion, rest: Motion) -> StillStance | None:
@@ -77,7 +89,27 @@ class StillStance:
         moved = np.linalg.norm(last.root_position[-1] - last.root_position[0])
         if moved > SLOW * seconds or turned > SLOW_TURN * seconds:
             return None
-        return cls(last, upright if own @ upright > 0.0 else -upright, leans)
+        return cls(last, upright if own @ upright > 0.0 else -upright, leans, feet[-1])
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing moves any more, with both soles on the floor."""
+        last = self.past[len(self.past) - 2 :]
+        moved = max(np.ptp(last.joints[:, _LEGS], axis=0).max(), np.ptp(last.root_position, axis=0).max())
+        return bool(moved < RESTED and np.abs(self.feet[..., 2] - self._on_floor).max() < SUNK)
+
+    def places(self, frames: int) -> Float:
+        """Where heel and toe of both feet are to be in a window after it: down to the floor, (T, 2, 2, 3) [m]."""
+        found = np.tile(self.feet, (frames, 1, 1, 1))
+        passed = np.arange(1, frames + 1)[:, None, None] / (self.past.fps * SETTLING_S)
+        found[..., 2] += (1.0 - (1.0 + passed) * np.exp(-passed)) * (self._on_floor - self.feet[..., 2])
+        return found
+
+    @property
+    def _on_floor(self) -> Float:
+        """Heights of heels and toes on the floor, (2, 2) [m]."""
+        found: Float = np.clip(self.feet[..., 2], 0.0, ABOVE)
+        return found
 
     def kept(self, window: Motion, *, upright: bool) -> Motion:
         """A window after it whose pelvis and legs come to rest; place, speed and acceleration are continuous.

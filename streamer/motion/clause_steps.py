@@ -43,6 +43,8 @@ from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.vocabulary import vocabulary
 
+NOT_HELD = "ends, or begins anew, and is not held"
+
 
 class ClauseSteps:
     """Makes steps of requests, or refuses them.
@@ -103,7 +105,7 @@ class ClauseSteps:
         if clause.asks is Asks.CONTINUE:
             kind = before[-1].kind if before else ""
             if kind in vocabulary().words("held_not") and clause.said.startswith(vocabulary().phrases("hold")):
-                raise RefusedError(f"{clause.said!r}: {kind} ends, or begins anew, and is not held")
+                raise RefusedError(f"{clause.said!r}: {kind} {NOT_HELD}")
             if clause.amount is None and in_sequence:
                 return []
             return self._continued(clause, before, under_way, last)

@@ -71,7 +71,9 @@ def gesture_change(
 def _added(step: Step, clause: Clause, motion: Callable[[Clause], Step], model: Model) -> Change | None:
     """A gesture that comes to what is under way; None where the request does not say that it does."""
     also = _ALSO.match(clause.text)
-    comes = bool(clause.dropped) or also is not None or is_posture(clause.text)
+    # "Hold out your right hand" comes to a walk, and takes the place of a bow.
+    travels = step.kind in (VELOCITY, *GOALS) or step.turn != 0 or step.axis != (0, 0)
+    comes = bool(clause.dropped) or also is not None or (travels and is_posture(clause.text))
     if clause.asks is not Asks.MOTION or clause.forbidden or clause.still or clause.beside is not None or not comes:
         return None
     text = clause.text if also is None else also["behind"] or also["before"]

@@ -16,7 +16,7 @@ from math import log
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.at_once import together
-from flexmotion.streamer.motion.clause_steps import ClauseSteps, rounded
+from flexmotion.streamer.motion.clause_steps import NOT_HELD, ClauseSteps, rounded
 from flexmotion.streamer.motion.gesture_change import gesture_change
 from flexmotion.streamer.motion.gesture_words import ends_gesture
 from flexmotion.streamer.motion.heard import Heard, HeardStep
@@ -34,7 +34,7 @@ from flexmotion.text.clauses import UNSEEN
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manner_phrases import manner_alone, manner_phrases, without_phrases
 from flexmotion.text.manners import NORMAL, manner_words, manners
-from flexmotion.text.phrases import STAND, WALK
+from flexmotion.text.phrases import STAND, WALK, is_pose, limbs
 from flexmotion.text.postures import moves_along
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.refusals import (
@@ -189,10 +189,13 @@ class Hearing:
 
         "Step to the left, keep facing me": no motion is known for the second part, and no order is said.
         """
+        clauses = self._held(clauses)
         if len(clauses) < 2 or any(clause.joint == "then" or clause.forbidden for clause in clauses):
             return clauses
         qualifiers = vocabulary().phrases("qualifiers")
         if not any(_begins_with(clause, qualifiers) for clause in clauses):
+            return clauses
+        if self._are_gestures(clauses):
             return clauses
         one = whole(sentence)
         refused = any(self.model.prompt(clause.text).refused is not None for clause in clauses if clause.text)
@@ -200,6 +203,31 @@ class Hearing:
             return clauses
         looks = tuple(clause.said for clause in clauses if names_head(clause.said))
         return (one if one.needs_head else replace(one, dropped=(*one.dropped, *looks)),)
+
+    def _are_gestures(self, clauses: Sequence[Clause]) -> bool:
+        """Whether each request is another gesture, and those behind the first are of arms.
+
+        "Bow and hold up your left hand" is two, "walk and hold your arms up" is one.
+        """
+        prompts = [self.model.prompt(clause.text) for clause in clauses if clause.text]
+        used = [limbs(one.kind) or frozenset() for one in prompts]
+        arms = all(one.known and own == frozenset(["arm"]) for one, own in zip(prompts[1:], used[1:], strict=True))
+        return arms and len({one.kind for one in prompts}) == len(clauses) and "leg" not in used[0]
+
+    def _held(self, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+        """The requests without those that a pose is held, as it is: "raise your hand and hold it".
+
+        Other motions are not held, and such a request is refused.
+        """
+        found: list[Clause] = []
+        for clause in clauses:
+            kind = self.model.prompt(found[-1].text).kind if found and found[-1].text else ""
+            if clause.said in vocabulary().phrases("hold") and is_pose(kind):
+                continue
+            if clause.said in vocabulary().phrases("hold") and kind in vocabulary().words("held_not"):
+                clause = replace(clause, refusal=f"{kind} {NOT_HELD}")
+            found.append(clause)
+        return tuple(found)
 
     def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
         """The robot stands still."""

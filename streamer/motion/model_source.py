@@ -12,7 +12,8 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
-from flexmotion.sampling.beside import Beside
+from flexmotion.sampling.at_rest import ARMS
+from flexmotion.sampling.beside import Beside, columns_of
 from flexmotion.sampling.course import MEASURED_S, Course
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.pace import Pace
@@ -44,9 +45,13 @@ _REACHED_S = 1.0
 """A pose counts as reached this long after it was asked for [s]: about one window of the model. A hand that is slower
 goes on to its pose with less noise as well."""
 
-_TURN, _IN_POSE = 4, 2
-"""Windows of one repetition of a pose that is to be done a number of times, and those of them in which it is asked; in
-the others the human stands. Left to the model, a hand that was to be raised twice stayed up for ten seconds."""
+_IN_POSE, _IN_BRIEF, _BETWEEN = 2, 3, 2
+"""Windows in which a pose is asked that is to be done a number of times, one that the model reaches in its own time
+("raise your hand"), and those of a stand after it. Left to the model, a hand that was to be raised twice stayed up for
+ten seconds."""
+
+OFF_COURSE = np.radians(2.5)
+"""A human that stands turns back to its course where it heads further from it than this [rad]."""
 
 _WALKING, _WALKING_S = 0.3, 0.5
 """A human walks whose mean speed over the second [s] is greater than the first [m/s]. Bows and squats on the spot move
@@ -130,7 +135,7 @@ class ModelSource:
         self._pieces = [sampler.standing()]
         self._first = -len(self._pieces[0])
         self._courses: list[tuple[int, Course]] = []  # first frames of windows, and the course after each
-        self._pose: tuple[int, KeptPose] | None = None  # first frame of its words, and the pose that they reached
+        self._pose: tuple[int, Intent, KeptPose] | None = None  # first frame of words, and the pose that they reached
         self._gesture: GestureBeside | None = None  # made beside what the words ask for
         self._remarked: str | None = None  # kind of the last message about a target
 
@@ -180,7 +185,7 @@ class ModelSource:
     def turn_to(self, target: Target, frame: int, played: Motion | None, yaw: float | None = None) -> str | None:
         """See `LiveSource.turn_to`; from `frame` on the script no longer applies."""
         self._require(target.intent)
-        current, held = self.program_at(frame), self._holds(frame)
+        current, held = self.program_at(frame), self._holds(frame) or self._poses(frame)
         program = self._heard(target.intent, frame + 1, id=target.id)
         if self._is_refused_change(program):
             raise ConfigError(str(program.heard.reason))
@@ -196,7 +201,7 @@ class ModelSource:
             self._programs = [(frame + 1, program)]
         begun, first = self._begun(frame), frame + 1
         if played is not None and begun is not None and begun[1] == intent and held:
-            first = begun[0]  # words that are said again: a pose that is held is not reached anew
+            first = begun[0]  # words that are said again: a pose that is held, or under way, is not reached anew
         self._schedule = [] if intent is None else [(first, intent)]
         if isinstance(intent, Clip):
             self._clips.begin(intent, frame + 1, self._frames(frame, frame + 1))
@@ -404,19 +409,21 @@ class ModelSource:
         rhythm = self.sampler.rhythm(self.condition(begun[1]), size=begun[0] + self.seed)
         if rhythm is not None:
             return replace(asked, pose=rhythm.later(frame - begun[0]))
-        begin = begun[0] + self._repetition(frame) * _TURN * self.sampler.future
-        if pose is None or begin != pose[0]:
+        begin = begun[0] + self._repetition(frame) * sum(self._turn(begun[1])) * self.sampler.future
+        if pose is None or pose[:2] != (begin, begun[1]):
             before = self._frames(max(begin - 1, self._first), frame)[:1]
             made = self.sampler.made_pose(asked, before, begun[0] + self.seed)
             if made is None:
                 return asked
-            pose = self._pose = begin, made
-        return replace(asked, pose=pose[1].later(frame - begin))
+            pose = self._pose = begin, begun[1], made
+        return replace(asked, pose=pose[2].later(frame - begin))
 
     def _repetition(self, frame: int) -> int:
         """How often a pose that is asked for a number of times was done before the window at a frame."""
         begun = self._begun(frame)
-        return 0 if begun is None or self._is_endless(frame) else (frame - begun[0]) // (_TURN * self.sampler.future)
+        if begun is None or self._is_endless(frame):
+            return 0
+        return (frame - begun[0]) // self.sampler.future // sum(self._turn(begun[1]))
 
     def _is_between(self, frame: int) -> bool:
         """Whether the window at a frame is between two repetitions of a pose that is asked for a number of times."""
@@ -425,7 +432,13 @@ class ModelSource:
             return False
         if self.sampler.requests.pose(self.sampler.meant(self.condition(begun[1]))) is None:
             return False
-        return (frame - begun[0]) // self.sampler.future % _TURN >= _IN_POSE
+        pose, between = self._turn(begun[1])
+        return (frame - begun[0]) // self.sampler.future % (pose + between) >= pose
+
+    def _turn(self, intent: Intent) -> tuple[int, int]:
+        """Windows in a pose that is asked for a number of times, and between two of them."""
+        brief = self.sampler.requests.is_brief(self.sampler.meant(self.condition(intent)))
+        return _IN_BRIEF if brief else _IN_POSE, _BETWEEN
 
     def _beside(self, frame: int, intent: Intent | None) -> Beside | None:
         """What the window that begins at a frame shows of the gesture that is made meanwhile; None: there is none."""
@@ -443,19 +456,29 @@ class ModelSource:
         begun = self._begun(frame)
         if begun is None or not self.sampler.requests.is_brief(asked) or not self._is_endless(frame):
             return False
-        if self._pose is not None and self._pose[0] == begun[0] and begun[0] + self._pose[1].frame <= frame:
+        known = self._pose is not None and self._pose[:2] == begun
+        if known and self._pose is not None and begun[0] + self._pose[2].frame <= frame:
             return False
         first = max(begun[0], self._first)  # frames before it were dropped
-        pose = KeptPose.reached(concatenate([*self._cut(first, frame), window]))
-        self._pose = None if pose is None else (begun[0], pose.later(begun[0] - first))
+        columns = columns_of(self.sampler.requests.pose(asked) or "") or ARMS
+        pose = KeptPose.reached(concatenate([*self._cut(first, frame), window]), columns)
+        self._pose = None if pose is None else (*begun, pose.later(begun[0] - first))
         return pose is not None
 
     def _is_endless(self, frame: int) -> bool:
         """Whether the words at a frame are not to be done a number of times."""
         begun, current = self._begun(frame), self.program_at(frame)
         steps = () if current is None or begun is None else current[1].steps
-        amounts = [step.amount for step in steps if begun is not None and step.intent == begun[1]]
+        same = [step for step in steps if begun is not None and step.intent == begun[1]]
+        # "Salute once and then salute for ten seconds": the same words, of which one step is under way.
+        own = [step.amount for step in same if begun is not None and step.intent is begun[1]]
+        amounts = own or [step.amount for step in same]
         return all(amount is None or amount.quantity == "time" for amount in amounts)
+
+    def _poses(self, frame: int) -> bool:
+        """Whether the words at a frame ask for a pose that is made."""
+        begun = self._begun(frame)
+        return begun is not None and self._pose is not None and self._pose[:2] == begun and self._pose[2].frame < 0
 
     def _holds(self, frame: int) -> bool:
         """Whether the words at a frame have been followed for long enough, and are not to be done a number of times."""
@@ -481,7 +504,10 @@ class ModelSource:
         own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
         course, asked = course.followed(condition, own, past, sampler.free, noise, played)
         self._courses.append((begin, course))
-        return asked
+        # Who stands still is on its course, unless it heads somewhere else.
+        turn = 0.0 if asked.constraints is None else asked.constraints.turn
+        still = abs(turn) < OFF_COURSE and sampler.rests(condition, past)
+        return condition if still else asked
 
     def _walks_on(self, begin: int, condition: Condition) -> bool:
         """Whether the human still walks a window after it was asked for something on the spot (a condition of `meant`).

@@ -85,6 +85,9 @@ class StubSampler:
         speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         return speed, 0.0, turning
 
+    def rests(self, condition: Condition, history: Motion) -> bool:
+        return False
+
     def made_pose(self, condition: Condition, begin: Motion, seed: int) -> None:
         return None
 

@@ -32,7 +32,7 @@ def test_the_upper_body_moves_smoothly_to_rest_and_the_legs_are_unchanged() -> N
     np.testing.assert_array_equal(found.joints[:, legs], motion.joints[4:, legs])
     far = np.abs(motion.joints[4, upper] - rest[upper]).max()
     assert np.abs(found.joints[0, upper] - motion.joints[4, upper]).max() < 0.02 * far
-    after = round(6 * RESTING_S * motion.fps)
+    after = round(8 * RESTING_S * motion.fps)
     left, was = (np.abs(one.joints[after:, upper] - rest[upper]).max() for one in (found, motion))
     assert left < 0.03 * was
 

@@ -11,7 +11,7 @@ import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.evaluation.motions import jerk
-from flexmotion.human.kinematics import foot_points
+from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.still_stance import SETTLING_S, StillStance
@@ -90,6 +90,24 @@ def test_feet_of_a_gesture_stay_where_they_are(sampler: Sampler) -> None:
         history = sampler.sample(history, Condition("wave with the right hand"), seed)
     assert np.abs(foot_points(history)[-1] - before).max() < 5e-3
     assert np.ptp(history.joints[:, 21:24], axis=0).max() > 0.1, "the arm waves"
+
+
+@pytest.mark.parametrize(
+    "items",
+    [
+        [("walk forward", 3.0), ("nod", 6.0)],
+        [("bow", 1.3), ("look down", 6.0)],
+        [("walk backward", 3.0), ("clap", 6.0)],
+    ],
+)
+def test_a_trunk_that_leans_comes_upright_in_a_gesture(items: list[tuple[str, float]], bundle: Path) -> None:
+    """Robots that nodded after a walk or a bow leaned by 10 to 17 degrees for as long as they did."""
+    starts = np.cumsum([0.0, *(seconds for _, seconds in items)])
+    script = [Item(at, Text(text)) for (text, _), at in zip(items, starts[:-1].tolist(), strict=True)]
+    motion = ModelSource(Sampler(Bundle(bundle)), script, "model:shipped").window(0, round(30 * starts[-1]))
+    assert motion is not None
+    torso = forward(motion[len(motion) - 5 :]).torso_rotation
+    assert np.degrees(np.arccos(torso[:, 2, 2])).max() < 6.0
 
 
 @pytest.mark.parametrize("balanced", [True, False])

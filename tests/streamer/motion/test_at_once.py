@@ -201,6 +201,13 @@ def test_an_intent_with_a_gesture_is_no_item_of_a_script(sampler: Sampler) -> No
         ModelSource(sampler, [Item(0.0, Text("walk", beside=Text("wave")))], "walk")
 
 
+def test_an_arm_that_is_held_out_during_a_bow_takes_its_place(hearing: Hearing) -> None:
+    """The robot bowed on for twelve seconds, with one arm out, and said "bow goes on"; a walk does go on."""
+    bow, walk = hear(hearing, "bow"), hear(hearing, "walk forward")
+    after = [hearing(Text("hold out your right hand"), under_way, under_way).heard for under_way in (bow, walk)]
+    assert [one.heard_as for one in after] == ["hold-out-right-hand", "walk with hold-out-right-hand"]
+
+
 def test_a_gesture_comes_to_what_is_under_way(hearing: Hearing) -> None:
     """The walk ended."""
     program = hear(hearing, "wave at the same time", after="walk slowly")

@@ -130,7 +130,7 @@ def test_a_pose_that_is_reached_late_is_kept_as_well(monkeypatch: pytest.MonkeyP
     it, stub = source(Item(0.0, Text(BRIEF)))
     joints, reached = np.zeros(len(JOINTS)), []
 
-    def late(motion: Motion) -> KeptPose | None:
+    def late(motion: Motion, columns: object) -> KeptPose | None:
         reached.append(len(motion))
         return KeptPose(joints, len(motion) - 8) if len(reached) == 5 else None
 
@@ -151,3 +151,41 @@ def test_a_hand_that_is_raised_twice_comes_down_in_between(sampler: Sampler) -> 
 def test_gestures_of_motion_are_no_poses(sampler: Sampler) -> None:
     assert is_pose("hands-on-hips") and is_pose("salute-left-hand") and is_pose("look-behind-left")
     assert not any(map(is_pose, ("stand", "walk", "wave-right-hand", "nod", "bow", "clap", "shrug", "dance")))
+
+
+def test_two_targets_at_one_frame_have_their_own_poses(sampler: Sampler) -> None:
+    """The second one kept the pose of the first: hands on hips saluted."""
+    it = ModelSource(sampler, [], "test", 1)
+    played = it.window(0, 61)
+    assert played is not None
+    poses = []
+    for number, text in enumerate(("salute with the right hand", "hands on hips")):
+        it.turn_to(Target(number + 1, number + 1, Text(text)), 60, played)
+        assert it.window(61, 60) is not None and it._pose is not None
+        poses.append(it._pose[2].columns)
+    assert poses[0] != poses[1]
+
+
+def test_a_pose_that_is_asked_again_and_again_is_one(sampler: Sampler) -> None:
+    """A pose that was asked five times a second was drawn anew each time, and never reached."""
+    it = ModelSource(sampler, [], "test", 1)
+    played, reached = it.window(0, 31), []
+    for frame in (30, 36, 42, 48):
+        assert played is not None
+        it.turn_to(Target(frame, frame, Text("salute with the right hand")), frame, played)
+        played = it.window(frame + 1, 6)
+        assert it._pose is not None
+        reached.append(it._pose[2].joints)
+    assert all(np.array_equal(joints, reached[0]) for joints in reached)
+
+
+def test_a_pose_is_held_though_the_same_words_were_counted_before(sampler: Sampler) -> None:
+    """The hand of "salute once and then salute for ten seconds" came down three times in the ten seconds."""
+    it = ModelSource(sampler, [Item(0.0, Text("salute once and then salute for ten seconds"))], "test", 1)
+    assert it.window(0, 31) is not None
+    program = it.program_at(30)
+    assert program is not None
+    once, long = program[1].steps
+    assert not it._is_endless(30)
+    it.change(long.intent, 30, it.window(10, 21))
+    assert it._is_endless(31) and once.intent == long.intent
