@@ -60,7 +60,7 @@ def test_a_look_does_not_begin_from_the_look_before_it() -> None:
 
 
 def test_trunks_do_not_turn_further_with_every_gesture() -> None:
-    """Looks down and hands that were held out by turns bent the trunk by 28 degrees: each began where the last ended."""
+    """Looks down and hands that were held out by turns bent the trunk by 28 degrees: each went on from the last."""
     lumbar, joints = JOINTS.index("lumbar_extension"), np.zeros(len(JOINTS))
     for number in range(20):
         pose = pose_of("look-down" if number % 2 else "hold-out-right-hand", joints, number)
