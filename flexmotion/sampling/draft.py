@@ -67,8 +67,7 @@ class Draft:
         balanced: whether windows are low-passed and balanced, with forces that belong to their motion.
         rest: a standing human; its last frame counts.
         idle: joints above the legs that nothing is asked of.
-        stands: whether standing still is asked, so that idle joints move to `rest`. In a gesture they rest once the
-            human stands.
+        stands: whether standing still is asked: idle joints move to `rest`. In a gesture those near it stay.
         quiet: whether nothing is asked of pelvis and legs: once the human stands they rest.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
@@ -121,7 +120,7 @@ class Draft:
         else:
             stays = self._keeps_feet and self._stays(self._way(decoded), len(decoded))
             motion, slip = planted_slip(decoded, self._feet_before, self.anchor.joints if stays else None)
-        if self.stands or self.still is not None:
+        if self.idle:
             rest = self.rest.joints[-1]
             motion = at_rest(motion, self.history, rest, self.idle, stays=self._in_gesture)
         for own in (self.pose, self.beside):
