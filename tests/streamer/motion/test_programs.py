@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,11 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Text, Velocity
+from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Stop, Text, Velocity
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program
 from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import load_script
 from flexmotion.text.phrases import STAND
 
 from ...flexmotion.text.test_grammar import PHRASES
@@ -853,3 +855,14 @@ def test_a_manner_of_nothing_names_what_to_say(hearing: Hearing) -> None:
         heard = hear(hearing, say).heard
         assert heard.state == "refused" and "as in 'walk like an old man'" in str(heard.reason)
     assert hear(hearing, "go like an old man").heard.manner == "old" and moves(hear(hearing, "sneak")) == ["walk"]
+
+
+def test_the_built_in_script_can_be_compared_with_its_human(hearing: Hearing) -> None:
+    """Its "take a bow" was heard as one bow, which ends when the robot has made it: the report lost its likeness."""
+    with as_file(files("flexmotion") / "data" / "default_script.yaml") as path:
+        items = load_script(path)
+    assert len(items) > 4
+    for item in items:
+        assert isinstance(item.intent, Text | Velocity | Stop)
+        if isinstance(item.intent, Text):
+            assert hearing(item.intent, None, None).is_open, item.intent
