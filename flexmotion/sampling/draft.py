@@ -128,7 +128,7 @@ class Draft:
         return motion, slip
 
     def _standing(self, motion: Motion, still: StillStance) -> Motion:
-        """A window of a human that stands still, upright in a stand and where it leaned."""
+        """A window of a human that stands still; a pelvis that leans comes upright."""
         upright = still.leans > (SWAYING if self._in_gesture else UPRIGHT)
         found = still.kept(motion, upright=upright)
         if still.rests and not upright:
@@ -202,8 +202,8 @@ class Draft:
             stays = staying(reaching, self.anchor, constraints)
             # Forces are shared between the feet as asked before what the motion lacks of them is seen.
             motion = _with_forces(reaching if closes else motion, constraints, self.anchor)
-        nothing = Constraints.none(self.layout, self.body, len(motion))
         if resting is not None:
+            nothing = Constraints.none(self.layout, self.body, len(motion))
             resting = resting if constraints is None else resting.beside(constraints)
             in_place = constraints is None and np.abs(resting.away).max() < IN_PLACE
             if np.abs(resting.away).max() > FAR:

@@ -17,6 +17,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.at_rest import ARMS
 from flexmotion.sampling.ball_path import led_joints, settled_joints
 from flexmotion.sampling.settling import KNOWN
+from flexmotion.spatial.transitions import decaying
 
 Float = NDArray[np.float64]
 
@@ -77,8 +78,8 @@ class KeptPose:
         columns = list(self.columns)
         known = before.joints[max(0, len(before) - KNOWN) :]
         if self.frame >= 0:
-            passed = np.maximum(np.arange(len(window)) - self.frame, 0)[:, None] / (window.fps * KEEPING_S)
-            share = 1.0 - (1.0 + passed) * np.exp(-passed)
+            passed = np.maximum(np.arange(len(window)) - self.frame, 0)[:, None] / window.fps
+            share = 1.0 - decaying(np.ones(1), np.zeros(1), 1.0 / KEEPING_S, passed)
             return replace(window, joints=led_joints(window.joints, self.joints, columns, share, known[-1]))
         joints = window.joints.copy()
         found = settled_joints(known, self.joints, columns, len(window), window.fps, self.seconds)

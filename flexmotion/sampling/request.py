@@ -122,10 +122,12 @@ class Requests:
 
     def pose(self, condition: Condition) -> str | None:
         """The kind of a condition of `meant` where that is a pose, else None."""
-        if condition.velocity is not None or condition.wordless:
-            return None
-        kind = self.prompt(condition.text).kind
-        return kind if phrases.is_pose(kind) else None
+        kind = self._said(condition)
+        return kind if kind is not None and phrases.is_pose(kind) else None
+
+    def _said(self, condition: Condition) -> str | None:
+        """The kind of a condition of `meant` that asks by words alone, else None."""
+        return None if condition.velocity is not None or condition.wordless else self.prompt(condition.text).kind
 
     def held(self, condition: Condition) -> Condition:
         """A condition of `meant` whose pose is reached, as it is held; any other motion as it is."""
@@ -168,20 +170,17 @@ class Requests:
 
     def stands(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is that of standing still."""
-        return not condition.wordless and condition.velocity is None and self.prompt(condition.text).kind == STAND
+        return self._said(condition) == STAND
 
     def idle(self, condition: Condition) -> frozenset[int]:
         """Joints above the legs that a condition of `meant` leaves alone."""
-        if condition.wordless or condition.velocity is not None:
-            return frozenset()
-        return idle_joints(self.prompt(condition.text).kind)
+        kind = self._said(condition)
+        return frozenset() if kind is None else idle_joints(kind)
 
     def leaves_legs(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is done standing, by arms or head, if by anything."""
-        if condition.wordless or condition.velocity is not None:
-            return False
-        kind = self.prompt(condition.text).kind
-        return kind == STAND or fits_beside(kind, STAND)
+        kind = self._said(condition)
+        return kind is not None and (kind == STAND or fits_beside(kind, STAND))
 
     def travels(self, condition: Condition) -> bool:
         """Whether a condition of `meant` leads away or turns, or may do so.

@@ -222,7 +222,7 @@ class Sampler:
         return self._draft(history, features[:0], condition).planted(features)[0]
 
     def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
-        """The window in the making; its parts of the body of which nothing is asked come to rest."""
+        """The window in the making; parts of the body that the condition leaves alone come to rest in it."""
         asked, meant = condition.constrained, self.meant(condition)
         free = asked is None or not asked.of_frames
         return Draft(

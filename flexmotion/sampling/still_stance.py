@@ -1,6 +1,6 @@
 """`StillStance`: pelvis and legs of a human that stands on both feet stay as they are.
 
-People who stand move their pelvis by millimetres, and hardly more while they wave or look around. A sampled pelvis
+The pelvis of a standing person moves by millimetres, and hardly more in a wave or a look around. A sampled pelvis
 trembles: points of the legs jerked by 3 to 8 m/s³ in stands and gestures, those of people by .1 to .4. Nothing in the
 words asks the legs to move, so that they come to rest once the human stands. In a gesture it stands as it does, but for
 a pelvis that leans; in a stand it comes upright, since one that follows a bow would be bowed by 10 degrees for ever.
@@ -20,6 +20,7 @@ from flexmotion.human.skeleton import JOINTS, LEG_JOINTS, SIDES
 from flexmotion.sampling.settling import settled, stopped
 from flexmotion.spatial.heading import heading
 from flexmotion.spatial.tilt import lean_of
+from flexmotion.spatial.transitions import decaying
 
 Float = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ one that rises from a squat is faster."""
 
 BENT, LEANING = np.radians(45.0), np.radians(12.0)
 """Knees that are bent further than this, and pelvises that lean further from that of the rest pose, are on their way
-[rad]: nobody is left in half a squat, or bowed. Recorded people stand with knees up to 38° by our angles."""
+[rad]: no human stays in half a squat, or bowed. Knees of recorded people that stand are bent by up to 38°."""
 
 SWAYING = 0.07
 """A pelvis that leans by more than this from that of the rest pose [rad] comes upright in a gesture, too."""
@@ -101,8 +102,9 @@ class StillStance:
     def places(self, frames: int) -> Float:
         """Where heel and toe of both feet are to be in a window after it: down to the floor, (T, 2, 2, 3) [m]."""
         found = np.tile(self.feet, (frames, 1, 1, 1))
-        passed = np.arange(1, frames + 1)[:, None, None] / (self.past.fps * SETTLING_S)
-        found[..., 2] += (1.0 - (1.0 + passed) * np.exp(-passed)) * (self._on_floor - self.feet[..., 2])
+        passed = np.arange(1, frames + 1)[:, None, None] / self.past.fps
+        off = self.feet[..., 2] - self._on_floor
+        found[..., 2] = self._on_floor + decaying(off, np.zeros_like(off), 1.0 / SETTLING_S, passed)
         return found
 
     @property

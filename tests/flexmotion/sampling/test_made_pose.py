@@ -27,7 +27,6 @@ from flexmotion.streamer.motion.script import Item
 from flexmotion.text.phrases import is_brief, is_pose, wordings
 
 NECK = JOINTS.index("neck_rotation")
-FPS = 30.0
 
 
 def pose_of(kind: str, base: np.ndarray, seed: int = 0) -> KeptPose | None:
