@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import (
@@ -25,6 +24,7 @@ from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import heading
 from flexmotion.spatial.quaternions import continuous_quaternions
+from flexmotion.spatial.rotations import matrix_quaternions
 
 Float = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     return Motion(
         fps=layout.fps,
         root_position=position,
-        root_quaternion=continuous_quaternions(Rotation.from_matrix(turn).as_quat(scalar_first=True)),
+        root_quaternion=continuous_quaternions(matrix_quaternions(turn)),
         joints=joints,
         body=body,
         torques=torques,

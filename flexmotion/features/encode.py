@@ -59,7 +59,7 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     root[:, 2] = _backward(yaw, motion.fps)
     root[:, 3] = motion.root_position[:, 2] / leg
 
-    tilt = yaw_matrix(-yaw) @ Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix()
+    tilt = yaw_matrix(-yaw) @ human.pelvis_rotation
     balls = six(ball_matrices(motion.joints)).reshape(len(motion), -1)
     features[:, blocks["rotations"]] = np.concatenate([six(tilt), balls, motion.joints[:, HINGE_COLUMNS]], axis=1)
     features[:, blocks["positions"]] = _flat(turned(points - below[:, None], -yaw)) / leg

@@ -7,6 +7,8 @@ hinges by their angle.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.human.vectors import cross
 
 Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 BALLS: tuple[tuple[str, ...], ...] = (
     ("lumbar_extension", "lumbar_bending", "lumbar_rotation"),
@@ -26,6 +29,8 @@ BALLS: tuple[tuple[str, ...], ...] = (
     ),
 )
 """Joints of three hinges, about y, x, z in that order; see `BALL_SIGNS` for the signs."""
+
+ALL_BALLS = tuple(range(len(BALLS)))
 
 HINGES: tuple[str, ...] = tuple(name for name in JOINTS if not any(name in ball for ball in BALLS))
 """Joints of one hinge, in the order of `JOINTS`."""
@@ -69,20 +74,26 @@ def _length(vectors: Float) -> Float:
     return found
 
 
-def ball_matrices(joints: Float) -> Float:
-    """Rotations of the joints of three hinges, (..., 26) [rad] -> (..., 6, 3, 3)."""
-    angles = joints[..., BALL_COLUMNS] * BALL_SIGNS
-    (a, b, c), (sa, sb, sc) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
-    # Ry(a) Rx(b) Rz(c)
-    rows = [
-        [a * c + sa * sb * sc, -a * sc + sa * sb * c, sa * b],
-        [b * sc, b * c, -sb],
-        [-sa * c + a * sb * sc, sa * sc + a * sb * c, a * b],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+def ball_matrices(joints: Float, balls: Sequence[int] = ALL_BALLS) -> Float:
+    """Rotations of the joints of three hinges, (..., 26) [rad] -> (..., 6, 3, 3).
+
+    Args:
+        joints: angles of all joints.
+        balls: numbers of the K wanted ones among `BALLS`; the rotations are then (..., K, 3, 3).
+    """
+    own = list(balls)
+    angles = joints[..., BALL_COLUMNS[own]] * BALL_SIGNS[own]
+    cosine, sine = np.cos(angles), np.sin(angles)
+    a, b, c, sa, sb, sc = *(cosine[..., axis] for axis in range(3)), *(sine[..., axis] for axis in range(3))
+    found = np.empty((*a.shape, 3, 3))  # Ry(a) Rx(b) Rz(c)
+    tilted, turned = sa * sb, a * sb
+    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = a * c + tilted * sc, tilted * c - a * sc, sa * b
+    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = b * sc, b * c, -sb
+    found[..., 2, 0], found[..., 2, 1], found[..., 2, 2] = turned * sc - sa * c, sa * sc + turned * c, a * b
+    return found
 
 
-def ball_angles(matrices: Float, start: Float) -> Float:
+def ball_angles(matrices: Float, start: Float, balls: Sequence[int] = ALL_BALLS) -> Float:
     """Hinge angles of a sequence of ball rotations, (T, 6, 3, 3) -> (T, 6, 3) [rad].
 
     Every rotation has two solutions within a turn; the result is the one nearer to the frame before, with whole turns
@@ -91,27 +102,45 @@ def ball_angles(matrices: Float, start: Float) -> Float:
     Args:
         matrices: rotations.
         start: angles of the frame before the first, (6, 3) [rad].
+        balls: numbers of the K joints among `BALLS` that the others' arrays are of, (T, K, 3, 3) and (K, 3).
     """
+    signs, turn = BALL_SIGNS[list(balls)], 2 * np.pi
+    begin = start * signs
     first = np.arctan2(matrices[..., 0, 2], matrices[..., 2, 2])
     cosine, sine = np.cos(first), np.sin(first)
     # The last angle given the first: near gimbal lock each alone is noise, their combination is not.
     row = cosine[..., None] * matrices[..., 0, :] - sine[..., None] * matrices[..., 2, :]
-    second = np.arctan2(-matrices[..., 1, 2], sine * matrices[..., 0, 2] + cosine * matrices[..., 2, 2])
-    third = np.arctan2(-row[..., 1], row[..., 0])
-    near = np.stack([first, second, third], axis=-1)
-    other = np.stack([first + np.pi, np.pi - second, third + np.pi], axis=-1)
-    candidates = np.stack([near, other], axis=1)  # (T, 2, 6, 3)
-    turn = 2 * np.pi
+    candidates = np.empty((len(first), 2, *begin.shape))  # the first one with a second angle below a right angle
+    near, other = candidates[:, 0], candidates[:, 1]
+    near[..., 0] = first
+    near[..., 1] = np.arctan2(-matrices[..., 1, 2], sine * matrices[..., 0, 2] + cosine * matrices[..., 2, 2])
+    near[..., 2] = np.arctan2(-row[..., 1], row[..., 0])
+    np.add(near, np.pi, out=other)
+    np.subtract(np.pi, near[..., 1], out=other[..., 1])
     # Which solution is nearer depends on which one was taken before, not on its whole turns: both cases, all frames.
-    before = np.concatenate([np.broadcast_to(start * BALL_SIGNS, (1, 2, *start.shape)), candidates[:-1]])
-    away = candidates[:, None] - before[:, :, None]  # (T, 2 before, 2 now, 6, 3)
+    before = np.empty_like(candidates)
+    before[:1], before[1:] = begin, candidates[:-1]
+    away = candidates[:, None] - before[:, :, None]  # (T, 2 before, 2 now, K, 3)
     away -= turn * np.round(away / turn)
-    nearer = np.sum(away**2, axis=-1).argmin(axis=2)  # (T, 2 before, 6)
-    chosen = np.empty((len(near), len(BALLS)), np.intp)
-    balls = np.arange(len(BALLS))
-    last = np.zeros(len(BALLS), np.intp)
-    for frame, following in enumerate(nearer):
-        last = chosen[frame] = following[last, balls]
-    angles = np.where(chosen[..., None] == 0, near, other)
-    turns = np.round(np.diff(angles, axis=0, prepend=(start * BALL_SIGNS)[None]) / turn)
-    return (angles - turn * np.cumsum(turns, axis=0)) * BALL_SIGNS
+    distance = np.einsum("...i,...i->...", away, away)
+    angles = np.where(_followed(distance[:, :, 1] < distance[:, :, 0])[..., None], other, near)
+    before = np.concatenate([begin[None], angles[:-1]])
+    return (angles - turn * np.cumsum(np.round((angles - before) / turn), axis=0)) * signs
+
+
+def _followed(other: Flags) -> Flags:
+    """Which of two solutions is taken in each frame, True for the other one, (T, K).
+
+    Args:
+        other: whether the other one is nearer, by the solution that was taken before, (T, 2, K); both alike at first.
+    """
+    after_near, after_other = other[:, 0], other[:, 1]
+    if not after_near.any():
+        return after_near
+    # A frame tells its solution by itself, or keeps or changes that of the frame before: the last one that told counts,
+    # and the changes since then.
+    tells = after_near == after_other
+    last = np.maximum.accumulate(np.where(tells, np.arange(len(other))[:, None], 0), axis=0)
+    changes = np.logical_xor.accumulate(after_near & ~tells, axis=0)
+    told, before = np.take_along_axis(after_near, last, axis=0), np.take_along_axis(changes, last, axis=0)
+    return np.asarray(told ^ changes ^ before)

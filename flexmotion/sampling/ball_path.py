@@ -10,10 +10,10 @@ from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flexmotion.features.joint_groups import BALL_COLUMNS, ball_angles, ball_matrices
 from flexmotion.sampling.settling import settled
+from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
 
 Float = NDArray[np.float64]
 
@@ -35,11 +35,10 @@ def led_joints(joints: Float, pose: Float, columns: Collection[int], share: Floa
     found = joints.copy()
     found[:, single] += share * (_nearest(pose[single], before[single]) - joints[:, single])
     if balls:
-        own, goal = ball_matrices(joints), ball_matrices(pose)
-        for ball in balls:
-            way = _counted((Rotation.from_matrix(own[:, ball]).inv() * Rotation.from_matrix(goal[ball])).as_rotvec())
-            own[:, ball] = own[:, ball] @ Rotation.from_rotvec(share * way).as_matrix()
-        found[:, BALL_COLUMNS[balls]] = ball_angles(own, before[BALL_COLUMNS])[:, balls]
+        own, goal = ball_matrices(joints, balls), ball_matrices(pose, balls)
+        way = _between(own, goal)
+        own = own @ matrices(vector_quaternions(share[..., None] * way))
+        found[:, BALL_COLUMNS[balls]] = ball_angles(own, before[BALL_COLUMNS[balls]], balls)
     return found
 
 
@@ -58,14 +57,11 @@ def settled_joints(
     found = np.tile(pose, (frames, 1))
     found[:, single] = settled(known[:, single], _nearest(pose[single], known[-1, single]), frames, fps, seconds)
     if balls:
-        before, goal = ball_matrices(known), ball_matrices(pose)
-        own = np.tile(goal, (frames, 1, 1, 1))
-        for ball in balls:
-            there = Rotation.from_matrix(goal[ball])
-            away = _counted((there.inv() * Rotation.from_matrix(before[:, ball])).as_rotvec())
-            path = settled(away, np.zeros(3), frames, fps, seconds)
-            own[:, ball] = (there * Rotation.from_rotvec(path)).as_matrix()
-        found[:, BALL_COLUMNS[balls]] = ball_angles(own, known[-1, BALL_COLUMNS])[:, balls]
+        before, goal = ball_matrices(known, balls), ball_matrices(pose, balls)
+        away = _between(goal, before).reshape(len(known), -1)
+        path = settled(away, np.zeros(away.shape[1]), frames, fps, seconds).reshape(frames, -1, 3)
+        own = goal @ matrices(vector_quaternions(path))
+        found[:, BALL_COLUMNS[balls]] = ball_angles(own, known[-1, BALL_COLUMNS[balls]], balls)
     return found
 
 
@@ -82,11 +78,15 @@ def _nearest(angles: Float, to: Float) -> Float:
     return found
 
 
-def _counted(vectors: Float) -> Float:
-    """Rotation vectors, (T, 3), that do not turn over from frame to frame where they pass half a turn."""
-    found = vectors.copy()
-    for before, own in zip(found[:-1], found[1:], strict=True):
-        size = float(np.linalg.norm(own))
-        if size > FAR and before @ own < 0.0:
-            own -= 2 * np.pi / size * own
+def _between(first: Float, second: Float) -> Float:
+    """Rotation vectors from one rotation to another in its axes, (T, K, 3, 3) or (K, 3, 3) each -> (T, K, 3) [rad].
+
+    They do not turn over from frame to frame where they pass half a turn.
+    """
+    found = rotation_vectors(matrix_quaternions(first.swapaxes(-1, -2) @ second))
+    size = np.sqrt(np.einsum("tki,tki->tk", found, found))
+    for frame, ball in np.argwhere(size[1:] > FAR).tolist():
+        before, own = found[frame : frame + 2, ball]
+        if before @ own < 0.0:
+            own -= 2 * np.pi / size[frame + 1, ball] * own
     return found

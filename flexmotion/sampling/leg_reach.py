@@ -58,8 +58,8 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     """
     body, segments = motion.body, motion.body.segments
     sole = np.array([0.5 * (segments.ball - segments.heel), 0.0, -segments.ankle_height])
-    balls = ball_matrices(motion.joints)
-    hips, knees, ankles = balls[:, HIP_BALLS], motion.joints[:, KNEES], motion.joints[:, ANKLES]
+    hips = ball_matrices(motion.joints, HIP_BALLS)
+    knees, ankles = motion.joints[:, KNEES], motion.joints[:, ANKLES]
     # From hip to ankle, and from there to the sole, in the axes of the pelvis.
     own, beyond = turned(hips, leg(body, knees)), turned(hips, pitched(knees - ankles, sole))
     moves = np.asarray(by.any(axis=-1))
@@ -68,9 +68,9 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     for _ in range(TILTS):
         found, bent, dorsal = reached(body, hips, knees, ankles, own + by + beyond - foot)
         foot = turned(found, pitched(bent - dorsal, sole))
-    balls[:, HIP_BALLS] = np.where(moves[..., None, None], found, hips)
+    hips = np.where(moves[..., None, None], found, hips)
     joints = motion.joints.copy()
-    joints[:, BALL_COLUMNS[HIP_BALLS]] = ball_angles(balls, before[BALL_COLUMNS])[:, HIP_BALLS]
+    joints[:, BALL_COLUMNS[HIP_BALLS]] = ball_angles(hips, before[BALL_COLUMNS[HIP_BALLS]], HIP_BALLS)
     joints[:, KNEES] = np.where(moves, bent, knees)
     joints[:, ANKLES] = np.where(moves, dorsal, ankles)
     return replace(motion, joints=joints)

@@ -39,13 +39,47 @@ def zyx_yaw_pitch(rotation: Float) -> tuple[Float, Float]:
 
 
 def matrices(quaternion: Float) -> Float:
-    """Rotation matrices of unit quaternions, (T, 4) -> (T, 3, 3)."""
-    w, x, y, z = quaternion.T
-    out = np.empty((len(quaternion), 3, 3))
-    out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    """Rotation matrices of unit quaternions, (..., 4) -> (..., 3, 3)."""
+    w, x, y, z = (quaternion[..., part] for part in range(4))
+    out = np.empty((*w.shape, 3, 3))
+    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
     return out
+
+
+def matrix_quaternions(rotation: Float) -> Float:
+    """Unit quaternions of rotation matrices, (..., 3, 3) -> (..., 4); the greatest component is not negative."""
+    a, b, c, d, e, f, g, h, i = (rotation[..., row, column] for row in range(3) for column in range(3))
+    # 4 q qᵀ: any row is a multiple of the quaternion, that of the greatest component the one that rounding harms least.
+    rows = np.empty((*rotation.shape[:-2], 4, 4))
+    rows[..., 0, 0], rows[..., 1, 1] = 1.0 + a + e + i, 1.0 + a - e - i
+    rows[..., 2, 2], rows[..., 3, 3] = 1.0 - a + e - i, 1.0 - a - e + i
+    rows[..., 0, 1] = rows[..., 1, 0] = h - f
+    rows[..., 0, 2] = rows[..., 2, 0] = c - g
+    rows[..., 0, 3] = rows[..., 3, 0] = d - b
+    rows[..., 1, 2] = rows[..., 2, 1] = b + d
+    rows[..., 1, 3] = rows[..., 3, 1] = c + g
+    rows[..., 2, 3] = rows[..., 3, 2] = f + h
+    best = np.einsum("...ii->...i", rows).argmax(axis=-1)
+    found = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
+    return found / np.sqrt(np.einsum("...i,...i->...", found, found))[..., None]
+
+
+def rotation_vectors(quaternion: Float) -> Float:
+    """Rotation vectors of unit quaternions, no longer than half a turn, (..., 4) -> (..., 3) [rad]."""
+    vector, w = quaternion[..., 1:], quaternion[..., :1]
+    sine = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., None]
+    # q and -q are one rotation: the shorter way.
+    angle = 2.0 * np.arctan2(sine, np.abs(w))
+    scale = np.where(sine > _SMALL, angle / np.maximum(sine, _SMALL), 2.0)
+    return vector * np.where(w < 0.0, -scale, scale)
+
+
+def vector_quaternions(vectors: Float) -> Float:
+    """Unit quaternions of rotation vectors, (..., 3) [rad] -> (..., 4)."""
+    half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vectors], axis=-1)
 
 
 def yaw_matrices(yaw: Float) -> Float:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode, encode_loads
-from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices, matrix, six
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, BALLS, ball_angles, ball_matrices, matrix, six
 from flexmotion.features.layout import JOINT_CONTACT, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body
@@ -124,6 +124,25 @@ def test_ball_angles_follow_whole_turns(end: list[float], ball: int) -> None:
     again[:, BALL_COLUMNS] = angles
     assert ball_matrices(again) == pytest.approx(matrices, abs=1e-6)
     assert np.abs(np.diff(angles, axis=0)).max() < np.pi + 0.5
+
+
+def test_ball_angles_take_the_solution_that_is_nearer_to_the_frame_before() -> None:
+    """Rotations that jump: the solution depends on the one before, on a whole chain of them where both are as near."""
+    rng = np.random.default_rng(5)
+    joints = rng.uniform(-3.0, 3.0, (400, len(JOINTS)))
+    joints[100:200] = joints[100] + 0.3 * rng.normal(size=(100, len(JOINTS)))
+    start = rng.uniform(-9.0, 9.0, (6, 3))
+    before, rotations = start, ball_matrices(joints)
+    for frame, angles in enumerate(ball_angles(rotations, start)):
+        own = joints[frame, BALL_COLUMNS] * BALL_SIGNS
+        two = np.stack([own, np.stack([own[:, 0] + np.pi, np.pi - own[:, 1], own[:, 2] + np.pi], axis=1)]) * BALL_SIGNS
+        two += 2 * np.pi * np.round((before - two) / (2 * np.pi))
+        nearer = np.linalg.norm(two - before, axis=-1).argmin(axis=0)
+        np.testing.assert_allclose(angles, two[nearer, np.arange(6)], atol=1e-9)
+        before = angles
+    balls = [4, 1]
+    some = ball_angles(ball_matrices(joints, balls), start[balls], balls)
+    np.testing.assert_array_equal(some, ball_angles(rotations, start)[:, balls])
 
 
 def test_wrong_frame_rate_is_refused(clip: Motion) -> None:

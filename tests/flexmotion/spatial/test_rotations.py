@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.spatial.rotations import matrices, turns, yaw_matrices, zyx_quaternion, zyx_yaw_pitch
+from flexmotion.spatial.rotations import (
+    matrices,
+    matrix_quaternions,
+    rotation_vectors,
+    turns,
+    vector_quaternions,
+    yaw_matrices,
+    zyx_quaternion,
+    zyx_yaw_pitch,
+)
 
 
 @pytest.fixture
@@ -46,3 +55,23 @@ def test_turns_from_row_to_row(size: float) -> None:
     quaternions = np.stack([one.as_quat(scalar_first=True) for one in rotation])
     quaternions[::3] *= -1.0
     np.testing.assert_allclose(turns(quaternions), steps, rtol=1e-9, atol=1e-15)
+
+
+def test_quaternions_of_matrices() -> None:
+    """Half turns about each axis too, where one component alone is not small."""
+    half = Rotation.from_rotvec(np.pi * np.eye(3))
+    every = Rotation.concatenate([Rotation.random(500, random_state=3), Rotation.identity(), half])
+    found = matrix_quaternions(every.as_matrix().reshape(-1, 2, 3, 3)).reshape(-1, 4)
+    expected = every.as_quat(scalar_first=True)
+    greatest = np.take_along_axis(expected, np.abs(expected).argmax(axis=1)[:, None], axis=1)
+    np.testing.assert_allclose(found, expected * np.sign(greatest), atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-6, 0.01, 3.1], ids=str)
+def test_rotation_vectors_and_back(size: float) -> None:
+    vectors = np.random.default_rng(4).normal(size=(5, 6, 3))
+    vectors *= size / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    quaternions = vector_quaternions(vectors)
+    expected = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(5, 6, 3, 3)
+    np.testing.assert_allclose(matrices(quaternions), expected, atol=1e-15)
+    np.testing.assert_allclose(rotation_vectors(-quaternions), vectors, rtol=1e-9, atol=1e-15)
