@@ -20,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segments_at_rest
 from flexmotion.features.constraint_layout import PLACES
@@ -67,6 +67,10 @@ class Limb:
     def of_points(self, side: str) -> list[int]:
         """Numbers of its points among `layout.POINTS`."""
         return [POINTS.index(f"{point}_{side}") for point in self.points]
+
+    def of_closed(self, side: str) -> list[int]:
+        """Numbers of the points that it closes."""
+        return [POINTS.index(f"{point}_{side}") for point in self.closes]
 
     def of_joints(self, side: str) -> list[int]:
         """Numbers of its joints among `skeleton.JOINTS`."""
@@ -157,23 +161,29 @@ def closed(
     """
     asked, places = _asked(constraints, motion.body.leg)
     moving = [
-        (limb, limb.of_points(side), limb.of_joints(side))
-        for limb in limbs
-        for side in SIDES
-        if asked[:, [POINTS.index(f"{point}_{side}") for point in limb.closes]].any()
+        (limb, sides) for limb in limbs if (sides := [side for side in SIDES if asked[:, limb.of_closed(side)].any()])
     ]
     if not moving:
         return motion
     pose, joints = segments_at_rest(motion) if segments is None else segments, motion.joints.copy()
     turn, place = yaw_matrix(np.array(anchor.yaw)), body_points(motion.body, pose.position, pose.rotation)
-    for limb, points, columns in moving:
-        centre, axis = anchor.local(pose.anchor[:, columns]), pose.axis[:, columns] @ turn
-        own = LimbPose(centre, axis, anchor.local(place[:, points]), limb.carried)
-        wanted = Wanted.of(limb, own, asked[:, points], places[:, points])
+    for limb, sides in moving:
+        # Both sides are solved at once, as if the frames of one came after those of the other.
+        points, columns = [limb.of_points(side) for side in sides], [limb.of_joints(side) for side in sides]
+        centre, axis = anchor.local(_by_side(pose.anchor, columns)), _by_side(pose.axis, columns) @ turn
+        own = LimbPose(centre, axis, anchor.local(_by_side(place, points)), limb.carried)
+        wanted = Wanted.of(limb, own, _by_side(asked, points), _by_side(places, points))
         told = np.flatnonzero(wanted.weight.any(axis=(0, 2)))
-        angles, limits = joints[:, columns], joint_limits()[columns]
-        joints[:, columns] = _closed(own.only(told), angles, limits, wanted.only(told), limb.near)
+        angles, limits = np.stack([joints[:, own] for own in columns]), joint_limits()[columns]
+        angles = _closed(own.only(told), angles, limits, wanted.only(told), limb.near)
+        for own_columns, found in zip(columns, angles, strict=True):
+            joints[:, own_columns] = found
     return replace(motion, joints=joints)
+
+
+def _by_side(values: NDArray, columns: list[list[int]]) -> NDArray:
+    """Columns of each of S sides, one side's frames after the other's, (W, C, 3) -> (S W, K, 3)."""
+    return np.concatenate([values[:, own] for own in columns])
 
 
 def staying(motion: Motion, anchor: Anchor, constraints: Constraints) -> NDArray[np.bool_] | None:
@@ -185,7 +195,7 @@ def staying(motion: Motion, anchor: Anchor, constraints: Constraints) -> NDArray
         constraints: what is asked.
     """
     asked, places = _asked(constraints, motion.body.leg)
-    feet = [[POINTS.index(f"{point}_{side}") for point in LEG.closes] for side in SIDES]
+    feet = [LEG.of_closed(side) for side in SIDES]
     told = asked[:, feet, :2].all(axis=-1)
     if not told.any():
         return None
@@ -280,51 +290,71 @@ class Wanted:
         found: Float = missing / np.maximum(farther, 1.0)
         return found
 
-    def error(self, pose: LimbPose) -> float:
-        """Weighted sum of the squared distances from the places [m²]."""
-        away = (self.weight * (self.places - pose.points)).ravel()
-        return float(away @ away)
+    def errors(self, pose: LimbPose, sides: int) -> Float:
+        """Weighted sums of the squared distances from the places, of each of S sides, (S,) [m²]."""
+        return _squares(self.weight * (self.places - pose.points), sides)
 
 
 def _closed(pose: LimbPose, angles: Float, limits: Float, wanted: Wanted, near: float) -> Float:
-    """Angles of a limb's J joints, (W, J) [rad], with which its points are where they are wanted; see `_change`."""
-    share, error = 1.0, wanted.error(pose)
-    low, high = limits.T
-    enough = near**2 * float((wanted.weight**2).sum())
+    """Angles of the J joints of a limb on S sides with which its points are where they are wanted; see `_change`.
+
+    Args:
+        pose, wanted: of all sides, (S W, ...).
+        angles: as they are, (S, W, J) [rad].
+        limits: least and greatest angle, (S, J, 2) [rad].
+        near: see `Limb`.
+
+    Returns:
+        (S, W, J) [rad].
+    """
+    sides = len(angles)
+    share, error = np.ones(sides), wanted.errors(pose, sides)
+    low, high = limits[:, None, :, 0], limits[:, None, :, 1]
+    enough = near**2 * _squares(wanted.weight, sides)
     for _ in range(ROUNDS):
-        if error <= enough:
+        going = error > enough
+        if not going.any():
             break
-        moved = angles + share * _change(pose, wanted)
+        moved = angles + share[:, None, None] * _change(pose, wanted, sides)
         # Angles that are beyond their limits already stay where they are.
-        moved = np.clip(moved, np.minimum(low, angles), np.maximum(high, angles))
-        there = pose.moved(moved - angles)
-        left = wanted.error(there)
-        if left < error:
-            slow = left > SLOWLY * error
-            pose, angles, error = there, np.asarray(moved), left
-            if slow:
-                break
-        else:  # a limb at its limits, or at a singular angle
-            share *= SHORTER
+        moved = np.minimum(np.maximum(moved, np.minimum(low, angles)), np.maximum(high, angles))
+        there = pose.moved((moved - angles).reshape(len(pose.points), -1))
+        left = wanted.errors(there, sides)
+        nearer = going & (left < error)
+        pose = there if nearer.all() else pose.where(~np.repeat(nearer, len(pose.points) // sides), there)
+        angles = np.where(nearer[:, None, None], moved, angles)
+        # A limb at its limits, or at a singular angle, is tried with less; one that gets no nearer is done.
+        share = np.where(nearer, share, SHORTER * share)
+        enough = np.where(nearer & (left > SLOWLY * error), np.inf, enough)
+        error = np.where(nearer, left, error)
     return angles
 
 
-def _change(pose: LimbPose, wanted: Wanted) -> Float:
-    """Change of the angles of a limb, (W, J) [rad]."""
-    (frames, size), over = pose.axis.shape[:2], _functions(len(pose.axis))
-    moved = cross(pose.axis[:, :, None], pose.points[:, None] - pose.anchor[:, :, None])  # (W, J, P, 3)
+def _change(pose: LimbPose, wanted: Wanted, sides: int) -> Float:
+    """Change of the angles of a limb on S sides, (S, W, J) [rad]."""
+    size, frames = pose.axis.shape[1], len(pose.axis) // sides
+    over = _functions(frames)
+    moved = cross(pose.axis[:, :, None], pose.points[:, None] - pose.anchor[:, :, None])  # (S W, J, P, 3)
     moved *= wanted.weight[:, None]
     for point, count in enumerate(pose.carried):
         moved[:, count:, point] = 0.0  # a point is not moved by joints beyond it
     # The joints of a frame are summed up before functions of time are: a frame's rows share those.
-    rows = moved.reshape(frames, size, -1)
-    squares = (rows @ rows.swapaxes(-1, -2)).reshape(frames, -1)
-    normal = (squares.T @ _products(frames)).reshape(size, size, over.shape[1], -1).swapaxes(1, 2)
-    normal = normal.reshape(size * over.shape[1], -1) + _evenness(frames, size)
-    pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(frames, -1, 1))[..., 0]
-    found = cho_solve(cho_factor(normal, check_finite=False), (pulled.T @ over).ravel(), check_finite=False)
-    change: Float = over @ found.reshape(size, -1).T
-    return change * min(1.0, TURNED / max(float(np.abs(change).max()), 1e-6))
+    rows = moved.reshape(len(moved), size, -1)
+    squares = (rows @ rows.swapaxes(-1, -2)).reshape(sides, frames, -1)
+    normal = (squares.swapaxes(-1, -2) @ _products(frames)).reshape(sides, size, size, over.shape[1], -1)
+    normal = normal.swapaxes(2, 3).reshape(sides, size * over.shape[1], -1) + _evenness(frames, size)
+    pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(len(moved), -1, 1)).reshape(sides, frames, size)
+    right = (pulled.swapaxes(-1, -2) @ over).reshape(sides, -1)
+    # By LAPACK alone: SciPy's own calls take as long again. What is damped has a solution.
+    found = np.array([dposv(own, to)[1] for own, to in zip(normal, right, strict=True)])
+    change: Float = over @ found.reshape(sides, size, -1).swapaxes(-1, -2)
+    return change * np.minimum(1.0, TURNED / np.maximum(np.abs(change).max(axis=(1, 2)), 1e-6))[:, None, None]
+
+
+def _squares(values: Float, sides: int) -> Float:
+    """Sums of the squares of the values of each of S sides, (S W, P, 3) -> (S,)."""
+    found: Float = np.square(values.reshape(sides, -1)).sum(axis=1)
+    return found
 
 
 def _reach(limb: Limb, points: Float) -> Float:

@@ -29,36 +29,44 @@ class LimbPose:
         """The limb with some of its points alone."""
         return LimbPose(self.anchor, self.axis, self.points[:, points], tuple(self.carried[point] for point in points))
 
+    def where(self, frames: NDArray[np.bool_], other: LimbPose) -> LimbPose:
+        """The limb as it is in some frames, (W,), as another pose of it is in the others."""
+        own = frames[:, None, None]
+        parts = ((self.anchor, other.anchor), (self.axis, other.axis), (self.points, other.points))
+        return LimbPose(*(np.where(own, first, second) for first, second in parts), self.carried)
+
     def moved(self, change: Float) -> LimbPose:
         """The limb after its angles have changed by (W, K) [rad].
 
         A product of exponentials about the hinges as they are (Brockett 1984), from the trunk outwards: what a hinge
-        carries is turned by it and then by all before it.
+        carries is turned by it and then by all before it, the way to it by those before it alone.
         """
-        frames, hinges = change.shape
-        own = np.zeros((frames, hinges, 4, 4))
-        own[..., :3, :3] = turn = _turns(self.axis, change)
-        own[..., :3, 3] = self.anchor - np.einsum("tkij,tkj->tki", turn, self.anchor)
-        own[..., 3, 3] = 1.0
-        moved = np.empty((frames, hinges + 1, 4, 4))  # of what the first so many hinges carry
-        moved[:, 0] = np.eye(4)
+        hinges, turn = change.shape[1], _turns(self.axis, change)
+        by = np.empty((len(change), hinges + 1, 3, 3))  # of what the first so many hinges carry
+        by[:, 0] = np.eye(3)
         for hinge in range(hinges):
-            np.matmul(moved[:, hinge], own[:, hinge], out=moved[:, hinge + 1])
-        places = np.concatenate([self.anchor, self.points], axis=1)
-        by = moved[:, [*range(hinges), *self.carried], :3]
-        found = np.einsum("tkij,tkj->tki", by[..., :3], places) + by[..., 3]
-        axis = np.einsum("tkij,tkj->tki", by[:, :hinges, :, :3], self.axis)
-        return LimbPose(found[:, :hinges], axis, found[:, hinges:], self.carried)
+            np.matmul(by[:, hinge], turn[:, hinge], out=by[:, hinge + 1])
+        inner = [max(count - 1, 0) for count in self.carried]  # hinge from which a point's way is counted
+        ways = np.concatenate(
+            [self.anchor[:, 1:] - self.anchor[:, :-1], self.points - self.anchor[:, inner], self.axis], axis=1
+        )
+        every = [*range(1, hinges), *self.carried, *range(hinges)]
+        found = (by[:, every] @ ways[..., None])[..., 0]
+        steps, beyond, axis = found[:, : hinges - 1], found[:, hinges - 1 : -hinges], found[:, -hinges:]
+        anchor = np.concatenate([self.anchor[:, :1], steps], axis=1).cumsum(axis=1)
+        return LimbPose(anchor, axis, anchor[:, inner] + beyond, self.carried)
 
 
 def _turns(axis: Float, angle: Float) -> Float:
     """Rotation matrices about unit vectors (..., 3) by (...) [rad], (..., 3, 3)."""
     sine, cosine = np.sin(angle), np.cos(angle)
     found = ((1.0 - cosine)[..., None] * axis)[..., None] * axis[..., None, :]
-    for number in range(3):
-        after, last = (number + 1) % 3, (number + 2) % 3
-        along = sine * axis[..., number]
-        found[..., number, number] += cosine
-        found[..., after, last] -= along
-        found[..., last, after] += along
+    np.einsum("...ii->...i", found)[...] += cosine[..., None]
+    x, y, z = (sine * axis[..., number] for number in range(3))
+    found[..., 0, 1] -= z
+    found[..., 1, 0] += z
+    found[..., 0, 2] += y
+    found[..., 2, 0] -= y
+    found[..., 1, 2] -= x
+    found[..., 2, 1] += x
     return found

@@ -91,6 +91,28 @@ def test_a_foot_that_is_far_from_its_place_is_left_to_the_walk(window: tuple[Mot
     assert (found.joints[:, LEG.of_joints("r")] <= np.maximum(high, motion.joints[:, LEG.of_joints("r")]) + 1e-9).all()
 
 
+@pytest.mark.parametrize("far", [0.02, 3.0], ids=["near", "out of reach"])
+def test_limbs_that_are_solved_at_once_end_as_each_alone(
+    window: tuple[Motion, Anchor, Constraints], far: float
+) -> None:
+    """One is near its places, the other goes farther, so that they are done after different numbers of steps."""
+    motion, anchor, nothing = window
+    human, side = forward(motion), {"l": 0, "r": 1}
+    left = {"hand_l": human.hand[:, side["l"]] + [1e-4, 0.0, 0.0], "heel_l": human.heel[:, side["l"]]}
+    right = {"hand_r": human.hand[:, side["r"]] + [far, 0.0, 0.0], "toe_r": human.toe[:, side["r"]] + [0.0, far, 0.0]}
+
+    def asked(points: dict[str, np.ndarray]) -> Constraints:
+        found = nothing
+        for point, places in points.items():
+            found = found.place(point, slice(4, None), anchor.local(places[4:]))
+        return found
+
+    both = closed(motion, anchor, asked(left | right))
+    alone = closed(closed(motion, anchor, asked(left)), anchor, asked(right))
+    np.testing.assert_allclose(both.joints, alone.joints, atol=1e-9)
+    assert np.abs(both.joints - motion.joints).max() > 0.01
+
+
 def test_what_is_not_asked_of_limbs_is_left_alone(window: tuple[Motion, Anchor, Constraints]) -> None:
     motion, anchor, nothing = window
     asked = nothing.place("knee_l", 3, np.zeros(3)).path(5, np.zeros(2))
