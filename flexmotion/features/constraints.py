@@ -140,6 +140,30 @@ class Constraints:
         self._require_near(point, frames, given)
         return self._with(slice(first, first + 3), frames, given / self.body.leg)
 
+    def places(self, points: Sequence[str], told: NDArray[np.bool_], places: Float) -> Constraints:
+        """Points of the body are at places in some frames each: what `place` of one after the other asks, in one go.
+
+        Args:
+            points: P of `layout.POINTS`.
+            told: frames of the window in which each one is, (W, P).
+            places: of all frames, those of others do not count, (W, P, 3) [m].
+
+        Raises:
+            SamplingError: unknown point, or a place that the body does not reach by then.
+        """
+        numbers = [_index(point, POINTS, "point") for point in points]
+        away = np.where(told, np.sqrt(np.einsum("tpi,tpi->tp", places, places)), 0.0).max(axis=0)
+        last = np.where(told, np.arange(1, len(told) + 1)[:, None], 0).max(axis=0)
+        for point, one, frames in zip(points, away.tolist(), last.tolist(), strict=True):
+            self._require_reached(point, one, frames)
+        cut, shape = self.layout.blocks[PLACES], (len(told), len(POINTS), 3)
+        values, mask = self.values.copy(), self.mask.copy()
+        own, asked = values[:, cut].reshape(shape), mask[:, cut].reshape(shape)
+        own[:, numbers] = np.where(told[..., None], places / self.body.leg, own[:, numbers])
+        asked[:, numbers] |= told[..., None]
+        values[:, cut], mask[:, cut] = own.reshape(len(told), -1), asked.reshape(len(told), -1)
+        return replace(self, values=values, mask=mask)
+
     def path(self, frames: Frames, place: ArrayLike | None = None, heading: ArrayLike | None = None) -> Constraints:
         """The pelvis is above a place of the floor, or heads somewhere.
 
@@ -296,8 +320,12 @@ class Constraints:
 
     def _require_near(self, what: str, frames: Frames, place: Float) -> None:
         """Raise `SamplingError` where a place, of coordinates (…, 1 to 3) [m], is farther off than a body gets."""
-        farthest = self.body.height + FASTEST * (self._chosen(frames).max(initial=0) + 1) / self.layout.layout.fps
         away = float(np.sqrt(np.nansum(np.square(place), axis=-1)).max(initial=0.0))
+        self._require_reached(what, away, int(self._chosen(frames).max(initial=0)) + 1)
+
+    def _require_reached(self, what: str, away: float, frames: int) -> None:
+        """Raise `SamplingError` where a body does not get so far [m] in so many frames."""
+        farthest = self.body.height + FASTEST * frames / self.layout.layout.fps
         if not away <= farthest:
             raise SamplingError(
                 f"{what}: {away:.3g} m away, expected {farthest:.3g} m at most: the body's height, and {FASTEST:g} m/s"

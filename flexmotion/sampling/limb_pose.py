@@ -32,8 +32,12 @@ class LimbPose:
     def where(self, frames: NDArray[np.bool_], other: LimbPose) -> LimbPose:
         """The limb as it is in some frames, (W,), as another pose of it is in the others."""
         own = frames[:, None, None]
-        parts = ((self.anchor, other.anchor), (self.axis, other.axis), (self.points, other.points))
-        return LimbPose(*(np.where(own, first, second) for first, second in parts), self.carried)
+        return LimbPose(
+            np.where(own, self.anchor, other.anchor),
+            np.where(own, self.axis, other.axis),
+            np.where(own, self.points, other.points),
+            self.carried,
+        )
 
     def moved(self, change: Float) -> LimbPose:
         """The limb after its angles have changed by (W, K) [rad].

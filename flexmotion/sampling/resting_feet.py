@@ -95,13 +95,9 @@ class RestingFeet:
             constraints: of the window.
             anchor: the frame before it.
         """
-        places = self.places + np.pad(self.away, [(0, 0)] * 3 + [(0, 1)])
-        for foot, side in enumerate(SIDES):
-            for end, name in enumerate(ENDS):
-                frames = np.flatnonzero(self.rests[:, foot, end])
-                place = anchor.local(places[frames, foot, end])
-                constraints = constraints.place(f"{name}_{side}", frames.tolist(), place)
-        return constraints
+        places = self.places.copy()
+        places[..., :2] += self.away
+        return _with_ends(constraints, self.rests, anchor.local(places))
 
 
 def standing_on(feet: Float, constraints: Constraints, anchor: Anchor) -> Constraints:
@@ -112,11 +108,14 @@ def standing_on(feet: Float, constraints: Constraints, anchor: Anchor) -> Constr
         constraints: of the window.
         anchor: the frame before it.
     """
-    every = list(range(len(constraints.mask)))
-    for foot, side in enumerate(SIDES):
-        for end, name in enumerate(ENDS):
-            constraints = constraints.place(f"{name}_{side}", every, anchor.local(feet[:, foot, end]))
-    return constraints
+    return _with_ends(constraints, np.ones(feet.shape[:3], np.bool_), anchor.local(feet))
+
+
+def _with_ends(constraints: Constraints, told: Flags, places: Float) -> Constraints:
+    """Constraints, and that heel and toe of both feet are at places, (W, 2, 2, 3) [m], in some frames, (W, 2, 2)."""
+    ends = [f"{name}_{side}" for side in SIDES for name in ENDS]
+    frames = len(told)
+    return constraints.places(ends, told.reshape(frames, -1), places.reshape(frames, -1, 3))
 
 
 def _spells(flags: Flags) -> list[slice]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.configs.errors import FlexMotionError
+from flexmotion.configs.errors import FlexMotionError, SamplingError
 from flexmotion.features.constraint_layout import CENTRES, FORCES, PATH, PLACES, ConstraintLayout, window_values
 from flexmotion.features.constraints import Constraints, end_mean
 from flexmotion.features.decode import Anchor
@@ -72,6 +72,23 @@ def test_what_is_asked_is_stored_in_units_of_the_human(nothing: Constraints) -> 
     assert asked.mask[[3, 5], first : first + 3].tolist() == [[True, True, False], [True, True, True]]
     assert asked.mask.sum() == 6 and asked.values[7, asked.layout.blocks[PATH]][3] == 0.5
     assert asked.asked and not nothing.asked  # what was asked before is unchanged
+
+
+def test_places_of_several_points_are_asked_as_one_after_the_other(nothing: Constraints) -> None:
+    rng = np.random.default_rng(6)
+    points, told = ["heel_l", "hand_r", "toe_r"], rng.random((FRAMES, 3)) < 0.5
+    told[:, 2] = False
+    places = rng.normal(size=(FRAMES, 3, 3))
+    begun = nothing.place("heel_l", 0, [0.1, 0.2, 0.3])
+    expected = begun
+    for number, point in enumerate(points):
+        frames = np.flatnonzero(told[:, number]).tolist()
+        expected = expected.place(point, frames, places[frames, number])
+    found = begun.places(points, told, places)
+    np.testing.assert_array_equal(found.mask, expected.mask)
+    np.testing.assert_array_equal(found.values, expected.values)
+    with pytest.raises(SamplingError, match="hand_r: 99.* m away"):
+        begun.places(points, np.ones_like(told), np.where(np.arange(3)[:, None] == 1, [99.0, 0.0, 0.0], places))
 
 
 def test_a_mean_place_is_a_point_or_a_line(nothing: Constraints) -> None:
