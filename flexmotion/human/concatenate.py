@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,8 +33,7 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
         values = [getattr(part, name) for part in parts if len(part)]
         whole = bool(values) and all(value is not None for value in values)
         optional[name] = np.concatenate(values) if whole else None
-    return replace(
-        first,
+    return first.changed(
         root_position=np.concatenate([part.root_position for part in parts]),
         root_quaternion=np.concatenate(quaternions),
         joints=np.concatenate([part.joints for part in parts]),

@@ -107,8 +107,7 @@ def delivered(
     shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     at = shift[KNOWN:]
-    window = replace(
-        window,
+    window = window.changed(
         root_position=window.root_position + at,
         pressure_centres=centres + (at * [1.0, 1.0, 0.0])[:, None],
     )
@@ -141,7 +140,7 @@ def _low_passed(window: Motion, past: Motion, cutoff: float) -> Motion:
     joints = window.joints.copy()
     joints[:, _LEGS] = continued(joints[:, _LEGS], past.joints[:, _LEGS], window.fps, cutoff)
     position = continued(window.root_position, past.root_position, window.fps, cutoff)
-    return replace(window, joints=joints, root_position=position)
+    return window.changed(joints=joints, root_position=position)
 
 
 def _lengthened(motion: Motion, frames: int) -> Motion:
@@ -228,8 +227,7 @@ def _with_forces(predicted: Motion, ground: GroundShare, segments: SegmentMotion
     """The motion with these ground forces and the torques that they need."""
     assert predicted.wrenches is not None
     change = ground.wrenches[..., :3] - predicted.wrenches[..., :3]
-    return replace(
-        predicted,
+    return predicted.changed(
         torques=joint_torques(predicted.body, segments, ground.wrenches, ground.centres),
         wrenches=ground.wrenches,
         pressure_centres=ground.centres,

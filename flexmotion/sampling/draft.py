@@ -195,7 +195,7 @@ class Draft:
         if resting is not None:
             assert motion.contacts is not None
             # A body that stood on both feet and was said to stand on one would fall away from it.
-            motion = replace(motion, contacts=motion.contacts | resting.stands)
+            motion = motion.changed(contacts=motion.contacts | resting.stands)
         stays, in_place = None, False
         if constraints is not None:
             reaching = closed(motion, self.anchor, constraints, (LEG,))
@@ -273,7 +273,7 @@ def _with_forces(motion: Motion, constraints: Constraints, anchor: Anchor) -> Mo
     mask = constraints.mask[:, blocks[CENTRES]].reshape(frames, 2, 2)
     place[..., :2] = np.where(mask, centre, place[..., :2])
     centres = turned(place, yaw) + np.append(anchor.place, 0.0)
-    return replace(motion, wrenches=wrenches, pressure_centres=centres, contacts=contacts)
+    return motion.changed(wrenches=wrenches, pressure_centres=centres, contacts=contacts)
 
 
 def _with_muscles(motion: Motion, constraints: Constraints) -> Motion:

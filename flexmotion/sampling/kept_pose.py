@@ -80,8 +80,8 @@ class KeptPose:
         if self.frame >= 0:
             passed = np.maximum(np.arange(len(window)) - self.frame, 0)[:, None] / window.fps
             share = 1.0 - decaying(np.ones(1), np.zeros(1), 1.0 / KEEPING_S, passed)
-            return replace(window, joints=led_joints(window.joints, self.joints, columns, share, known[-1]))
+            return window.changed(joints=led_joints(window.joints, self.joints, columns, share, known[-1]))
         joints = window.joints.copy()
         found = settled_joints(known, self.joints, columns, len(window), window.fps, self.seconds)
         joints[:, columns] = found[:, columns]
-        return replace(window, joints=joints)
+        return window.changed(joints=joints)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,4 +35,4 @@ def led_along(window: Motion, before: Motion, path: Float, columns: Sequence[int
     joints = window.joints.copy()
     joining = decaying(away[-1] - turns, rate, 1.0 / JOINING_S, passed)
     joints[:, columns] = path[KNOWN:] + turns + joining  # angles go on where they are, however often an arm has turned
-    return replace(window, joints=joints)
+    return window.changed(joints=joints)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +44,7 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
     joints[:, KNEES] = bent
     joints[:, HIPS] += turned
     joints[:, ANKLES] += (bent - knee) - turned
-    return replace(motion, joints=joints)
+    return motion.changed(joints=joints)
 
 
 def within_reach(thigh: float, shank: float, own: Float, wanted: Float) -> Float:

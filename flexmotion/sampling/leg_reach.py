@@ -6,8 +6,6 @@ ankle keeps the pitch of the foot, since it has that axis alone.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,7 +71,7 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     joints[:, BALL_COLUMNS[HIP_BALLS]] = ball_angles(hips, before[BALL_COLUMNS[HIP_BALLS]], HIP_BALLS)
     joints[:, KNEES] = np.where(moves, bent, knees)
     joints[:, ANKLES] = np.where(moves, dorsal, ankles)
-    return replace(motion, joints=joints)
+    return motion.changed(joints=joints)
 
 
 def leg(body: Body, knees: Float) -> Float:

@@ -14,7 +14,7 @@ A foot that is brought to the place of one of its points keeps its direction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -178,7 +178,7 @@ def closed(
         angles = _closed(own.only(told), angles, limits, wanted.only(told), limb.near)
         for own_columns, found in zip(columns, angles, strict=True):
             joints[:, own_columns] = found
-    return replace(motion, joints=joints)
+    return motion.changed(joints=joints)
 
 
 def _by_side(values: NDArray, columns: list[list[int]]) -> NDArray:

@@ -11,8 +11,6 @@ are solved as a whole (least squares within bounds). What remains is what the fr
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
@@ -64,7 +62,7 @@ def with_muscles(motion: Motion, asked: Float, mask: Flags) -> Motion:
         if told[own].any():
             missing = np.einsum("tjm,tm->tj", part, motion.activations[:, own] - found[:, own])
             found[:, own] = _balanced(found[:, own], part, missing, ~told[own])
-    return replace(motion, activations=found)
+    return motion.changed(activations=found)
 
 
 def _spread(change: Float, mask: Flags) -> Float:

@@ -7,7 +7,7 @@ the two feet disagree or a foot lands sooner than the body is lowered.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -86,7 +86,7 @@ def planted_slip(motion: Motion, before: Float, staying_from: Float | None = Non
     lift = lifted(height, motion.contacts, motion.fps)
     position[:, 2] += lift
     height += lift[:, None]
-    found = replace(motion, root_position=position)
+    found = motion.changed(root_position=position)
     if staying_from is None:
         return lowered(found, _remaining(height, motion.contacts), human.hip, human.ankle), slip
     feet[1:] += (position - motion.root_position)[:, None, None]

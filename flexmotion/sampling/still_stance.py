@@ -8,7 +8,7 @@ a pelvis that leans; in a stand it comes upright, since one that follows a bow w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,8 +128,7 @@ class StillStance:
             if upright
             else stopped(past.root_quaternion, *end, SETTLING_S)
         )
-        return replace(
-            window,
+        return window.changed(
             joints=joints,
             root_position=stopped(past.root_position, *end, SETTLING_S),
             root_quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
