@@ -86,5 +86,5 @@ def joint_torques(
     torques[:, :3] = total
     about_pelvis = moment.sum(axis=1) - cross(segments.position[:, pelvis], total)
     torques[:, 3:6] = np.einsum("tji,tj->ti", segments.rotation[:, pelvis], about_pelvis)
-    torques[:, 6:] = np.sum(segments.axis * joint_moment, axis=-1)
+    torques[:, 6:] = np.einsum("tji,tji->tj", segments.axis, joint_moment)
     return torques

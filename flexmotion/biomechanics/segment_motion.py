@@ -111,17 +111,13 @@ def moved_by(joints: NDArray[np.bool_], segments: SegmentMotion, motion: Motion)
 
 def _angular_momentum_rate(inertia: Float, rotation: Float, fps: float) -> Float:
     """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3); `inertia`: their diagonals, (B, 3)."""
-    spin = derivative(rotation, fps) @ rotation.swapaxes(-1, -2)
-    # The antisymmetric part: finite differences are not exactly skew-symmetric.
-    omega = np.stack(
-        [
-            spin[..., 2, 1] - spin[..., 1, 2],
-            spin[..., 0, 2] - spin[..., 2, 0],
-            spin[..., 1, 0] - spin[..., 0, 1],
-        ],
-        axis=-1,
-    ) / 2  # fmt: skip
-    local = np.einsum("tbji,tbj->tbi", rotation, omega) * inertia
+    spin = rotation.swapaxes(-1, -2) @ derivative(rotation, fps)
+    # The antisymmetric part, in the segments' axes: finite differences are not exactly skew-symmetric.
+    local = np.empty(spin.shape[:-1])
+    np.subtract(spin[..., 2, 1], spin[..., 1, 2], out=local[..., 0])
+    np.subtract(spin[..., 0, 2], spin[..., 2, 0], out=local[..., 1])
+    np.subtract(spin[..., 1, 0], spin[..., 0, 1], out=local[..., 2])
+    local *= 0.5 * inertia
     return derivative(np.einsum("tbij,tbj->tbi", rotation, local), fps)
 
 

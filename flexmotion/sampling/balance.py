@@ -27,6 +27,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
@@ -175,7 +176,7 @@ def horizontal_shift(
     stands = stands and stays is not None and bool(stays[-2] > MOSTLY and bounds[-2, 0] > NOWHERE / 2)
     margin = settings.standing_margin if stands else settings.margin
     edge = bounds[rows] - margin
-    base = np.stack([-needs.moment[rows, 1], needs.moment[rows, 0]], axis=1) / lift
+    base = needs.moment[rows][:, [1, 0]] * [-1.0, 1.0] / lift
     lever = needs.centre[rows, 2:] / lift
     moved = -lever * terms.second[rows]
     if stays is not None:
@@ -191,14 +192,15 @@ def horizontal_shift(
         moved = np.concatenate([moved, capture[:, needs.known :]])
         edge = np.concatenate([edge, bounds[-2:-1] - margin])
         weight = np.append(weight, settings.capture * settings.ease * frequency**4)
-    start = np.stack([terms.wanted(needs, axis) for axis in (0, 1)], axis=1)
+    start = terms.wanted(needs, slice(2))
     shift = terms.place_free @ start
     point = base + moved @ shift
     given = _within(point, edge)
     if (given != point).any():
         weighted = moved.T * weight
-        solved = np.linalg.solve(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
-        first, gain = solved[:, :2], solved[:, 2:]
+        # Positive definite as the sum of squares that it is.
+        _, solved, _ = dposv(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
+        first, gain = solved[:, :2], np.ascontiguousarray(solved[:, 2:])
         answer = moved @ gain
         centred, left = base + moved @ first - answer @ base, np.zeros_like(point)
         for _ in range(settings.rounds):
@@ -228,8 +230,10 @@ def _within(point: Float, edge: Float) -> Float:
 
 
 def _slowed(shift: Float, fps: float) -> Float:
-    """A shift from rest, (M, ...), scaled so that it is nowhere faster than `FASTEST`."""
-    speed = np.linalg.norm(np.diff(shift, axis=0, prepend=0.0), axis=1).max(initial=0.0) * fps
+    """A shift from rest, (M, K), scaled so that it is nowhere faster than `FASTEST`."""
+    steps = shift.copy()
+    steps[1:] -= shift[:-1]
+    speed = np.sqrt(np.einsum("ti,ti->t", steps, steps).max(initial=0.0)) * fps
     return shift * min(1.0, FASTEST / max(speed, 1e-9))
 
 
@@ -260,9 +264,9 @@ class _Terms:
     height_free: Float
     height_inverse: Float
 
-    def wanted(self, needs: Needs, axis: int) -> Float:
-        """Negative gradient of the objective at no shift, (M,)."""
-        found: Float = self.follow @ needs.planned[:, axis] - self.stay @ needs.root[:, axis]
+    def wanted(self, needs: Needs, axes: int | slice) -> Float:
+        """Negative gradient of the objective at no shift, by one axis (M,) or several (M, K)."""
+        found: Float = self.follow @ needs.planned[:, axes] - self.stay @ needs.root[:, axes]
         return found
 
 

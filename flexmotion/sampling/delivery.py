@@ -175,7 +175,7 @@ def _balanced(
         soles = replace(soles, points=soles.points + away[:, :, None])
     level = horizontal_shift(lifted, soles.bounds(usable), _staying(usable, stays), stands=resting is not None)
     shift[:, :2] = level
-    return shift, lifted.shifted(np.pad(level, ((0, 0), (0, 1))))
+    return shift, lifted.shifted(shift * [1.0, 1.0, 0.0])
 
 
 def _staying(usable: Flags, stays: Flags | None) -> Float | None:
@@ -254,9 +254,8 @@ def _joint_contact(motion: Motion, segments: SegmentMotion, change: Float) -> Fl
     if motion.joint_contact is None:
         return None
     found, index = motion.joint_contact.copy(), human_model(motion.body).body_index
-    for column, name in enumerate(CONTACT_JOINTS):
-        joint, _, side = name.partition("_")
-        if side:
-            rotation = segments.rotation[:, index[f"{BEYOND[joint][0]}_{side}"]]
-            found[:, column] -= np.einsum("tji,tj->ti", rotation, change[:, SIDES.index(side)])
+    legs = [(column, *name.split("_")) for column, name in enumerate(CONTACT_JOINTS) if "_" in name]
+    rotation = segments.rotation[:, [index[f"{BEYOND[joint][0]}_{side}"] for _, joint, side in legs]]
+    ground = change[:, [SIDES.index(side) for *_, side in legs]]
+    found[:, [column for column, *_ in legs]] -= np.einsum("tlji,tlj->tli", rotation, ground)
     return found

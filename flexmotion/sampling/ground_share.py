@@ -68,7 +68,7 @@ def ground_share(
     two: Flags = np.asarray(bears.all(axis=1))
     lift = np.where(bears.any(axis=1), np.maximum(force[:, 2], 0.0), 0.0)
     lifted = lift > SLIGHT * weight
-    wanted = np.stack([-moment[:, 1], moment[:, 0]], axis=1) / np.where(lifted, lift, 1.0)[:, None]
+    wanted = moment[:, [1, 0]] * [-1.0, 1.0] / np.where(lifted, lift, 1.0)[:, None]
     # A foot that bears has a little, so that one that the model forgot can take over.
     loads = np.where(bears, np.maximum(predicted[..., 2], SLIGHT * weight), 0.0)
     share = loads / np.maximum(loads.sum(axis=1, keepdims=True), SLIGHT * weight)
@@ -171,6 +171,7 @@ class _Split:
         (left, right), (local_x, local_y) = share, (local[:, :1], local[:, 1:])
         place = self.origin + along_x * local_x + along_y * local_y
         missing = self.wanted - left * place[0] - right * place[1]
+        both = bool(self.both.all()) or self.both  # a mask takes as long as the arithmetic
         # Few frames: the time is that of the calls, not of the arithmetic. Arrays are reused, views made once.
         step, moved, square, change = (np.empty_like(one) for one in (share, local, self.wanted, left))
         first, second = place
@@ -195,8 +196,8 @@ class _Split:
             change += left
             np.maximum(change, 0.0, out=change)
             missing += left * apart
-            np.minimum(change, 1.0, out=left, where=self.both)
-            np.subtract(1.0, left, out=right, where=self.both)
+            np.minimum(change, 1.0, out=left, where=both)
+            np.subtract(1.0, left, out=right, where=both)
             missing -= left * apart
         return share, local, place
 

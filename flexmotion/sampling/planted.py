@@ -168,7 +168,7 @@ class Slip:
         held = self.stands[..., None] * (ahead + self.holds * (self.velocity - ahead))
         firm = self.firm
         shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
-        found: Float = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
+        found: Float = _smoothing(len(shift)) @ shift
         return found
 
     @property
@@ -221,10 +221,16 @@ class Holding:
 
 
 @lru_cache(maxsize=8)
+def _smoothing(frames: int) -> Float:
+    """Filters displacements over frames, (T, T)."""
+    found: Float = convolve1d(np.eye(frames), SMOOTH, axis=0, mode="nearest")
+    return found
+
+
+@lru_cache(maxsize=8)
 def _summing(frames: int) -> Float:
     """Filters displacements over frames as `Slip.made_up_for` does, and sums them, (T, T)."""
-    found: Float = np.cumsum(convolve1d(np.eye(frames), SMOOTH, axis=0, mode="nearest"), axis=0)
-    return found
+    return np.cumsum(_smoothing(frames), axis=0)
 
 
 def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> Float:
@@ -236,6 +242,8 @@ def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> 
 
 def _spread(amount: Float, most: float) -> Float:
     """The correction spread over neighbouring frames, so that no foot drops or rises within one, (T, 2)."""
+    if not amount.any():
+        return amount
     reaching = maximum_filter1d(np.minimum(amount, most), len(ALONG), axis=0)
     spread: Float = convolve1d(reaching, ALONG, axis=0, mode="nearest")
     return spread

@@ -205,13 +205,13 @@ class Sampler:
         Raises:
             SamplingError, ConfigError: see `sample`.
         """
-        constraints = condition.constrained
+        constraints, meant = condition.constrained, self.meant(condition)
         if constraints is not None:
-            manner = self.requests.manner(self.meant(condition))
+            manner = self.requests.manner(meant)
             check(constraints, self.bundle, self.balanced, branch=self.bundle.control(manner) is not None)
         remembered = self._remember(history)
-        latent = self._latent(remembered, condition, seed)
-        draft = self._draft(history, remembered, condition)
+        latent = self._latent(remembered, meant, seed)
+        draft = self._draft(history, remembered, condition, meant)
         if constraints is not None:
             return self._solver.window(draft, self._frames, latent, constraints, self.corrections)
         found = self._frames(latent)
@@ -219,11 +219,11 @@ class Sampler:
 
     def planted(self, features: Float32, history: Motion, condition: Condition) -> Motion:
         """Motion of features after a history, its loaded feet in place; forces are as decoded."""
-        return self._draft(history, features[:0], condition).planted(features)[0]
+        return self._draft(history, features[:0], condition, self.meant(condition)).planted(features)[0]
 
-    def _draft(self, history: Motion, remembered: Float32, condition: Condition) -> Draft:
-        """The window in the making; parts of the body that the condition leaves alone come to rest in it."""
-        asked, meant = condition.constrained, self.meant(condition)
+    def _draft(self, history: Motion, remembered: Float32, condition: Condition, meant: Condition) -> Draft:
+        """The window in the making; parts of the body that the condition, as it is `meant`, leaves alone rest in it."""
+        asked = condition.constrained
         free = asked is None or not asked.of_frames
         return Draft(
             layout=self.layout,
@@ -254,7 +254,8 @@ class Sampler:
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of a sample as decoded, before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
-        return inertialised(self._frames(self._latent(remembered, condition, seed)), remembered, self.layout)
+        latent = self._latent(remembered, self.meant(condition), seed)
+        return inertialised(self._frames(latent), remembered, self.layout)
 
     def _frames(self, latent: Float32) -> Float32:
         """Features of a latent after the history of the last request, not joined to it, not normalised, (W, F)."""
@@ -280,10 +281,9 @@ class Sampler:
         return features.astype(np.float32)
 
     def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
-        """A normalised latent, (1, L)."""
+        """A normalised latent of a condition of `meant`, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = self._statistics.normalise(remembered)
-        condition = self.meant(condition)
         scale, manner_scale = self.requests.guidance(condition)
         self.requests.write(condition, remembered, inputs)
         if manifest.guided:
