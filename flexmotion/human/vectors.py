@@ -12,7 +12,8 @@ TINY = 1e-9
 
 def unit(vector: Float) -> Float:
     """Vectors of length 1, (..., n); zero stays zero."""
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), TINY)
+    length = np.sqrt(np.einsum("...i,...i->...", vector, vector))
+    return vector / np.maximum(length, TINY)[..., None]
 
 
 def cross(first: Float, second: Float) -> Float:

@@ -254,8 +254,8 @@ def _joint_contact(motion: Motion, segments: SegmentMotion, change: Float) -> Fl
     if motion.joint_contact is None:
         return None
     found, index = motion.joint_contact.copy(), human_model(motion.body).body_index
-    legs = [(column, *name.split("_")) for column, name in enumerate(CONTACT_JOINTS) if "_" in name]
+    legs = [(column, name[:-2], name[-1]) for column, name in enumerate(CONTACT_JOINTS) if "_" in name]
     rotation = segments.rotation[:, [index[f"{BEYOND[joint][0]}_{side}"] for _, joint, side in legs]]
-    ground = change[:, [SIDES.index(side) for *_, side in legs]]
-    found[:, [column for column, *_ in legs]] -= np.einsum("tlji,tlj->tli", rotation, ground)
+    ground = change[:, [SIDES.index(side) for _, _, side in legs]]
+    found[:, [column for column, _, _ in legs]] -= np.einsum("tlji,tlj->tli", rotation, ground)
     return found

@@ -52,11 +52,16 @@ def kept(feet: Float, rests: Flags, fps: float) -> Float:
         feet, fps: see `resting`.
         rests: its result.
     """
-    back = np.exp(-1.0 / (RETURNS_S * fps))
+    back = float(np.exp(-1.0 / (RETURNS_S * fps)))
     moved, steps = np.zeros((len(feet), 2, 2)), np.diff(_places(feet), axis=0)
-    for frame, (own, still) in enumerate(zip(steps, rests[..., None], strict=True)):
-        moved[frame + 1] = np.where(still, moved[frame] - own, back * moved[frame])
-    far = np.linalg.norm(moved, axis=-1, keepdims=True) / FARTHEST
+    for foot in range(2):
+        # Plain numbers: arrays of two of them take several times as long.
+        x, y, path = 0.0, 0.0, []
+        for (ahead, aside), still in zip(steps[:, foot].tolist(), rests[:, foot].tolist(), strict=True):
+            x, y = (x - ahead, y - aside) if still else (back * x, back * y)
+            path.append((x, y))
+        moved[1:, foot] = path
+    far = np.hypot(moved[..., :1], moved[..., 1:]) / FARTHEST
     smooth: Float = convolve1d(moved / np.maximum(far, 1.0), SMOOTH, axis=0, mode="nearest")
     return smooth[1:]
 

@@ -49,18 +49,18 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
 
 def within_reach(thigh: float, shank: float, own: Float, wanted: Float) -> Float:
     """Wanted distances of hip and ankle, no farther than bent and straight legs reach, or are already, (T, 2) [m]."""
-    least, most = (leg_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
-    return np.clip(wanted, np.minimum(least, own), np.maximum(most, own))
+    least, most = (leg_length(thigh, shank, bend) for bend in (MOST_BENT, STRAIGHT))
+    return np.minimum(np.maximum(wanted, np.minimum(least, own)), np.maximum(most, own))
 
 
 def knee_at(thigh: float, shank: float, distance: Float) -> Float:
     """Knee angle at a distance of hip and ankle, by the law of cosines [rad]; the inverse of `leg_length`."""
     cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
-    found: Float = np.arccos(np.clip(cosine, -1.0, 1.0))
+    found: Float = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
     return found
 
 
-def leg_length(thigh: float, shank: float, knee: Float) -> Float:
+def leg_length(thigh: float, shank: float, knee: Float | float) -> Float:
     """Distance of hip and ankle at a knee angle [m]."""
     found: Float = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(knee))
     return found

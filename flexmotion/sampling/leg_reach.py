@@ -15,7 +15,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import cross, unit
 from flexmotion.sampling.leg_length import ANKLES, KNEES, knee_at, leg_length, within_reach
-from flexmotion.spatial.rotations import matrices
+from flexmotion.spatial.rotations import add_cross, matrices
 
 Float = NDArray[np.float64]
 
@@ -77,14 +77,18 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
 def leg(body: Body, knees: Float) -> Float:
     """From hip to ankle in the axes of the thigh, (..., 3) [m], at knee angles (...) [rad]."""
     thigh, shank = body.segments.thigh, body.segments.shank
-    return np.stack([-shank * np.sin(knees), np.zeros_like(knees), -thigh - shank * np.cos(knees)], axis=-1)
+    found = np.zeros((*knees.shape, 3))
+    found[..., 0], found[..., 2] = -shank * np.sin(knees), -thigh - shank * np.cos(knees)
+    return found
 
 
 def pitched(pitch: Float, vector: Float) -> Float:
     """A vector (3,) turned about the left axis by angles (...) [rad], (..., 3)."""
     cosine, sine = np.cos(pitch), np.sin(pitch)
     x, y, z = vector
-    return np.stack([cosine * x + sine * z, np.full_like(pitch, y), cosine * z - sine * x], axis=-1)
+    found = np.empty((*pitch.shape, 3))
+    found[..., 0], found[..., 1], found[..., 2] = cosine * x + sine * z, y, cosine * z - sine * x
+    return found
 
 
 def turned(rotation: Float, vector: Float) -> Float:
@@ -94,9 +98,8 @@ def turned(rotation: Float, vector: Float) -> Float:
 
 def _least_rotation(start: Float, end: Float) -> Float:
     """Rotation of least angle from one unit vector to another, less than half a turn, (..., 3) -> (..., 3, 3)."""
-    axis = cross(start, end)
-    x, y, z, none = axis[..., 0], axis[..., 1], axis[..., 2], np.zeros(axis.shape[:-1])
-    skew = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*none.shape, 3, 3)
-    cosine = np.einsum("...i,...i->...", start, end)[..., None, None]
-    found: Float = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
+    axis, cosine = cross(start, end), np.einsum("...i,...i->...", start, end)[..., None]
+    found: Float = (axis / (1.0 + cosine))[..., None] * axis[..., None, :]
+    np.einsum("...ii->...i", found)[...] += cosine
+    add_cross(found, axis)
     return found

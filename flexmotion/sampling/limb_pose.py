@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.spatial.rotations import add_cross
+
 Float = NDArray[np.float64]
 
 
@@ -66,11 +68,5 @@ def _turns(axis: Float, angle: Float) -> Float:
     sine, cosine = np.sin(angle), np.cos(angle)
     found = ((1.0 - cosine)[..., None] * axis)[..., None] * axis[..., None, :]
     np.einsum("...ii->...i", found)[...] += cosine[..., None]
-    x, y, z = (sine * axis[..., number] for number in range(3))
-    found[..., 0, 1] -= z
-    found[..., 1, 0] += z
-    found[..., 0, 2] += y
-    found[..., 2, 0] -= y
-    found[..., 1, 2] -= x
-    found[..., 2, 1] += x
+    add_cross(found, sine[..., None] * axis)
     return found

@@ -38,7 +38,8 @@ def placed(features: Float32, layout: Layout, body: Body) -> Float32:
     frames, blocks = len(features), layout.blocks
     rotations = features[:, blocks["rotations"]].astype(np.float64)
     columns = rotations[:, :_FIRST].reshape(frames, -1, 6)
-    pelvis, hips = np.split(matrix(columns[:, _PARTS]), [1], axis=1)
+    parts = matrix(columns[:, _PARTS])
+    pelvis, hips = parts[:, :1], parts[:, 1:]
     ankles = features[:, blocks["positions"]].reshape(frames, -1, 3)[:, _PLACES].astype(np.float64) * body.leg
     ankles[..., 2] -= features[:, blocks["root"]][:, 3:4] * body.leg
     beside = 0.5 * body.segments.hip_width

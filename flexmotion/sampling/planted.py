@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d, maximum_filter1d
+from scipy.ndimage import convolve1d
 
 from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
@@ -46,7 +46,7 @@ REACHED, SUNK = 0.02, 0.003
 MOST = 0.03
 """Greatest correction by a leg [m]: it turns a nearly straight knee by 30°."""
 
-SMOOTH, ALONG = np.array([0.25, 0.5, 0.25]), np.array([1, 2, 3, 2, 1]) / 9.0
+SMOOTH, ALONG = (1 / 4, 2 / 4, 1 / 4), (1 / 9, 2 / 9, 3 / 9, 2 / 9, 1 / 9)
 """Filters over frames: of the root's shift, and of the correction by the legs."""
 
 SETTLING_S = 0.05
@@ -106,7 +106,7 @@ def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
         fps: frames per second.
     """
     loaded = contacts.astype(np.float64)
-    error = np.clip(height, BELOW, ABOVE) - height
+    error = np.minimum(np.maximum(height, BELOW), ABOVE) - height
     wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
     return _settled(wanted, fps)
 
@@ -145,17 +145,18 @@ class Slip:
         loaded = contacts.astype(np.float64)
         share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
         share = (share[1:] + share[:-1])[..., None]
-        velocity = np.diff(feet[..., :2], axis=0) * fps
+        velocity = (feet[1:, ..., :2] - feet[:-1, ..., :2]) * fps
         slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
-        speed = np.linalg.norm(slip, axis=-1)
+        speed = np.hypot(slip[..., 0], slip[..., 1])
         height = feet[1:, ..., 2].min(axis=2)
         may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
         firm = loaded if stays else may * np.exp(-speed / CHOOSING)
-        stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
+        stands = np.minimum(np.maximum((SWINGING - speed) / (SWINGING - PLANTED), 0.0), 1.0)
         yaw = continuous_matrix_heading(pelvis)[:, None]
         facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
         ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
-        holds = np.clip(1.0 - np.linalg.norm(slip - ahead, axis=-1, keepdims=True) / GLIDING, 0.0, 1.0)
+        aside = slip - ahead
+        holds = np.maximum(1.0 - np.hypot(aside[..., :1], aside[..., 1:]) / GLIDING, 0.0)
         if stays:
             stands, holds = np.ones_like(stands), np.ones_like(holds)
         return cls(slip, share, firm, stands, facing, holds)
@@ -168,7 +169,7 @@ class Slip:
         held = self.stands[..., None] * (ahead + self.holds * (self.velocity - ahead))
         firm = self.firm
         shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
-        found: Float = _smoothing(len(shift)) @ shift
+        found: Float = _filter(SMOOTH, len(shift)) @ shift
         return found
 
     @property
@@ -220,17 +221,17 @@ class Holding:
         return found.reshape(steps.shape)
 
 
-@lru_cache(maxsize=8)
-def _smoothing(frames: int) -> Float:
-    """Filters displacements over frames, (T, T)."""
-    found: Float = convolve1d(np.eye(frames), SMOOTH, axis=0, mode="nearest")
+@lru_cache(maxsize=16)
+def _filter(weights: tuple[float, ...], frames: int) -> Float:
+    """A filter over frames that takes what is beyond both ends as even, (T, T)."""
+    found: Float = convolve1d(np.eye(frames), weights, axis=0, mode="nearest")
     return found
 
 
 @lru_cache(maxsize=8)
 def _summing(frames: int) -> Float:
     """Filters displacements over frames as `Slip.made_up_for` does, and sums them, (T, T)."""
-    return np.cumsum(_smoothing(frames), axis=0)
+    return np.cumsum(_filter(SMOOTH, frames), axis=0)
 
 
 def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> Float:
@@ -244,8 +245,12 @@ def _spread(amount: Float, most: float) -> Float:
     """The correction spread over neighbouring frames, so that no foot drops or rises within one, (T, 2)."""
     if not amount.any():
         return amount
-    reaching = maximum_filter1d(np.minimum(amount, most), len(ALONG), axis=0)
-    spread: Float = convolve1d(reaching, ALONG, axis=0, mode="nearest")
+    beyond = np.zeros((len(ALONG) // 2, *amount.shape[1:]))
+    padded = np.concatenate([beyond, np.minimum(amount, most), beyond])
+    reaching = padded[: len(amount)]
+    for later in range(1, len(ALONG)):
+        reaching = np.maximum(reaching, padded[later : later + len(amount)])
+    spread: Float = _filter(ALONG, len(amount)) @ reaching
     return spread
 
 

@@ -92,6 +92,17 @@ def yaw_matrices(yaw: Float) -> Float:
     return out
 
 
+def add_cross(matrices: Float, vector: Float) -> None:
+    """Add the matrices of the cross product with vectors (..., 3) to matrices (..., 3, 3), in place."""
+    x, y, z = (vector[..., part] for part in range(3))
+    matrices[..., 0, 1] -= z
+    matrices[..., 1, 0] += z
+    matrices[..., 0, 2] += y
+    matrices[..., 2, 0] -= y
+    matrices[..., 1, 2] -= x
+    matrices[..., 2, 1] += x
+
+
 def turns(quaternion: Float) -> Float:
     """Rotation vectors from each row to the next in the body's frame, (T + 1, 4) -> (T, 3) [rad]."""
     (a, *v), (b, *u) = quaternion[:-1].T, quaternion[1:].T
