@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +51,7 @@ def at_rest(motion: Motion, past: Motion, rest: Float, idle: Collection[int] = U
     known = past.joints[max(0, len(past) - KNOWN) :]
     rate = (known[-1] - known[max(0, len(known) - 2)]) * motion.fps
     joints, end = motion.joints.copy(), (len(motion), motion.fps)
+    moving: dict[float, list[int]] = {}  # by their time constant: all at once
     for part, near in _PARTS:
         columns = [joint for joint in part if joint in idle]
         if not columns:
@@ -61,9 +61,10 @@ def at_rest(motion: Motion, past: Motion, rest: Float, idle: Collection[int] = U
         if hangs and stays:
             joints[:, columns] = stopped(known[:, columns], *end, SETTLING_S)
         else:
-            seconds = SETTLING_S if hangs else RESTING_S
-            joints[:, columns] = settled_joints(known, rest, columns, *end, seconds)[:, columns]
-    return replace(motion, joints=joints)
+            moving.setdefault(SETTLING_S if hangs else RESTING_S, []).extend(columns)
+    for seconds, columns in moving.items():
+        joints[:, columns] = settled_joints(known, rest, columns, *end, seconds)[:, columns]
+    return motion.changed(joints=joints)
 
 
 def resting(joints: Float, rest: Float) -> Float:

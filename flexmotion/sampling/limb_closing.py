@@ -271,7 +271,8 @@ class Wanted:
             places[:, rigid, 2] = np.maximum(places[:, rigid, 2], np.minimum(own[:, rigid, 2], 0.0))
         if np.isfinite(limb.farthest):
             way = places - own
-            made = np.clip(2.0 - 2.0 * np.linalg.norm(way, axis=-1, keepdims=True) / limb.farthest, 0.0, 1.0)
+            length = np.sqrt(np.einsum("tpi,tpi->tp", way, way))[..., None]
+            made = np.minimum(np.maximum(2.0 - 2.0 * length / limb.farthest, 0.0), 1.0)
             places = own + made * way
         # What the limb's end lacks of its place beyond the limb's reach, the points that move with it lack as well.
         away, reach = places[:, end] - own[:, 0], _reach(limb, own)
@@ -345,8 +346,9 @@ def _change(pose: LimbPose, wanted: Wanted, sides: int) -> Float:
     normal = normal.swapaxes(2, 3).reshape(sides, size * over.shape[1], -1) + _evenness(frames, size)
     pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(len(moved), -1, 1)).reshape(sides, frames, size)
     right = (pulled.swapaxes(-1, -2) @ over).reshape(sides, -1)
-    # By LAPACK alone: SciPy's own calls take as long again. What is damped has a solution.
-    found = np.array([dposv(own, to)[1] for own, to in zip(normal, right, strict=True)])
+    # By LAPACK alone: SciPy's own calls take as long again. What is damped has a solution; a symmetric matrix is its
+    # own transpose, which has LAPACK's order and is not copied.
+    found = np.array([dposv(own.T, to, overwrite_a=True)[1] for own, to in zip(normal, right, strict=True)])
     change: Float = over @ found.reshape(sides, size, -1).swapaxes(-1, -2)
     return change * np.minimum(1.0, TURNED / np.maximum(np.abs(change).max(axis=(1, 2)), 1e-6))[:, None, None]
 
@@ -360,7 +362,8 @@ def _squares(values: Float, sides: int) -> Float:
 def _reach(limb: Limb, points: Float) -> Float:
     """Length of a limb from its first point to its end, of its points (W, P, 3) [m], (W,) [m]."""
     chain = points[:, : limb.points.index(limb.end) + 1]
-    found: Float = np.linalg.norm(np.diff(chain, axis=1), axis=-1).sum(axis=1)
+    ways = chain[:, 1:] - chain[:, :-1]
+    found: Float = np.sqrt(np.einsum("tpi,tpi->tp", ways, ways)).sum(axis=1)
     return found
 
 

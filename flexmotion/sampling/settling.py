@@ -7,6 +7,8 @@ people by .3. A body that rests has time.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,12 +45,20 @@ def settled(before: Float, place: Float, frames: int, fps: float, seconds: float
         fps: frames per second.
         seconds: time constant.
     """
-    last = np.concatenate([np.repeat(before[:1], max(KNOWN - len(before), 0), axis=0), before[-KNOWN:]])
-    rate, time = 1.0 / (seconds * fps), np.arange(1, frames + 1)[:, None]
-    bend = last[2] - 2 * last[1] + last[0]
+    first, middle, last = (before[max(len(before) - back, 0)] for back in (3, 2, 1))
+    rate, bend = 1.0 / (seconds * fps), last - 2 * middle + first
     # Differences backwards are those half a frame, and a frame, before the last one.
-    off, speed = last[2] - place, last[2] - last[1] + 0.5 * bend
-    found: Float = place + (
-        off + (speed + rate * off) * time + 0.5 * (bend + 2 * rate * speed + rate**2 * off) * time**2
-    ) * np.exp(-rate * time)
+    off, speed = last - place, last - middle + 0.5 * bend
+    found: Float = place + _decays(frames, rate) @ [
+        off,
+        speed + rate * off,
+        0.5 * (bend + 2 * rate * speed + rate**2 * off),
+    ]
     return found
+
+
+@lru_cache(maxsize=32)
+def _decays(frames: int, rate: float) -> Float:
+    """What a place, a speed and half an acceleration become over frames, (T, 3)."""
+    time = np.arange(1, frames + 1)[:, None]
+    return time ** np.arange(3) * np.exp(-rate * time)

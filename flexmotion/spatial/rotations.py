@@ -61,9 +61,11 @@ def matrix_quaternions(rotation: Float) -> Float:
     rows[..., 1, 2] = rows[..., 2, 1] = b + d
     rows[..., 1, 3] = rows[..., 3, 1] = c + g
     rows[..., 2, 3] = rows[..., 3, 2] = f + h
-    best = np.einsum("...ii->...i", rows).argmax(axis=-1)
-    found = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
-    return found / np.sqrt(np.einsum("...i,...i->...", found, found))[..., None]
+    flat = rows.reshape(-1, 4, 4)
+    best = np.einsum("nii->ni", flat).argmax(axis=1)
+    found = flat[np.arange(len(flat)), best]
+    found /= np.sqrt(np.einsum("ni,ni->n", found, found))[:, None]
+    return found.reshape(rows.shape[:-1])
 
 
 def rotation_vectors(quaternion: Float) -> Float:
