@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -10,9 +12,11 @@ from flexmotion.configs.errors import SamplingError
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
 from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
-from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import human_model
+from flexmotion.human.kinematics import SIDED_BODIES, HumanKinematics, frame_arrays
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_matrix_heading
@@ -21,6 +25,8 @@ Float = NDArray[np.float64]
 
 LEAD = 2
 """Frames before a frame that its features depend on."""
+
+_ANKLES = [POINTS.index(f"ankle_{side}") for side in SIDES]
 
 
 def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDArray[np.float32]:
@@ -46,10 +52,9 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     if not len(motion):
         return features
     leg, blocks = motion.body.leg, layout.blocks
-    human = forward(motion)
-    yaw = continuous_matrix_heading(human.pelvis_rotation)
+    points, pelvis = _points_and_pelvis(motion)
+    yaw = continuous_matrix_heading(pelvis)
     below = motion.root_position * [1.0, 1.0, 0.0]
-    points = body_points(human)
     velocity = _backward(points, motion.fps)
     acceleration = _backward(velocity, motion.fps)
 
@@ -59,17 +64,19 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     root[:, 2] = _backward(yaw, motion.fps)
     root[:, 3] = motion.root_position[:, 2] / leg
 
-    tilt = yaw_matrix(-yaw) @ human.pelvis_rotation
+    tilt = yaw_matrix(-yaw) @ pelvis
     balls = six(ball_matrices(motion.joints)).reshape(len(motion), -1)
     features[:, blocks["rotations"]] = np.concatenate([six(tilt), balls, motion.joints[:, HINGE_COLUMNS]], axis=1)
-    features[:, blocks["positions"]] = _flat(turned(points - below[:, None], -yaw)) / leg
-    features[:, blocks["velocities"]] = _flat(turned(velocity, -yaw)) / leg
-    features[:, blocks["accelerations"]] = _flat(turned(acceleration, -yaw)) / leg
+    ahead = turned(np.stack([points - below[:, None], velocity, acceleration], axis=1), -yaw) / leg
+    for number, block in enumerate(("positions", "velocities", "accelerations")):
+        features[:, blocks[block]] = _flat(ahead[:, number])
     weight = motion.body.mass * GRAVITY
     if motion.torques is not None:
         features[:, blocks["torques"]] = motion.torques[:, -len(JOINTS) :] / (weight * leg)
     if motion.wrenches is not None:
-        features[:, blocks["wrenches"]] = _ankle_wrenches(motion.wrenches, centres, human, yaw, weight, leg)
+        features[:, blocks["wrenches"]] = _ankle_wrenches(
+            motion.wrenches, centres, points[:, _ANKLES], yaw, weight, leg
+        )
     if motion.joint_contact is not None and layout.joint_contact:
         features[:, blocks[JOINT_CONTACT]] = _flat(motion.joint_contact) / weight
     if motion.contacts is not None:
@@ -85,6 +92,26 @@ def encode_loads(loads: Float, motion: Motion) -> NDArray[np.float16]:
     return (turned(loads, -yaw) / (motion.body.mass * GRAVITY)).astype(np.float16)
 
 
+def _points_and_pelvis(motion: Motion) -> tuple[Float, Float]:
+    """`body_points` of a motion, and rotations of its pelvis, (T, 3, 3); less than `forward`."""
+    bodies, matrices, sites = frame_arrays(motion, "xpos", "xmat", "site_xpos")
+    pelvis = matrices[:, human_model(motion.body).body_index["pelvis"]].reshape(-1, 3, 3)
+    return np.concatenate([bodies, sites], axis=1)[:, _places(motion.body)], pelvis
+
+
+@lru_cache(maxsize=8)
+def _places(body: Body) -> NDArray[np.intp]:
+    """Where each of `layout.POINTS` is among the bodies of the model, and the sites after them."""
+    human, found = human_model(body), []
+    for name in POINTS:
+        point, side = name.rsplit("_", 1)
+        if point in SIDED_BODIES:
+            found.append(human.body_index[f"{SIDED_BODIES[point]}_{side}"])
+        else:
+            found.append(human.model.nbody + human.site_index[name])
+    return np.array(found, np.intp)
+
+
 def body_points(human: HumanKinematics) -> Float:
     """The points of `layout.POINTS` in the world, (T, 16, 3) [m]."""
     sides = {"l": 0, "r": 1}
@@ -93,13 +120,13 @@ def body_points(human: HumanKinematics) -> Float:
 
 
 def _ankle_wrenches(
-    wrenches: Float, centres: Float | None, human: HumanKinematics, yaw: Float, weight: float, leg: float
+    wrenches: Float, centres: Float | None, ankles: Float, yaw: Float, weight: float, leg: float
 ) -> Float:
     """Wrenches with moments about the ankles, where they fade as a foot lifts; about centres of pressure they jump."""
     force, moment = wrenches[..., :3], wrenches[..., 3:]
     if centres is None:
-        centres = human.ankle * [1.0, 1.0, 0.0]
-    moment = moment + cross(centres - human.ankle, force)
+        centres = ankles * [1.0, 1.0, 0.0]
+    moment = moment + cross(centres - ankles, force)
     both = np.stack([turned(force, -yaw) / weight, turned(moment, -yaw) / (weight * leg)], axis=2)
     return both.reshape(len(both), -1)
 
@@ -111,9 +138,10 @@ def _before(signal: Float) -> Float:
 
 def _backward(signal: Float, fps: float) -> Float:
     """Backward difference [signal/s]; of the first frame that of the second."""
-    difference = np.diff(signal, axis=0, prepend=signal[:1]) * fps
-    if len(signal) > 1:
-        difference[0] = difference[1]
+    difference = np.zeros_like(signal)
+    np.subtract(signal[1:], signal[:-1], out=difference[1:])
+    difference *= fps
+    difference[:1] = difference[1:2]
     return difference
 
 

@@ -164,7 +164,7 @@ class Draft:
     @cached_property
     def _feet_before(self) -> Float:
         """Heel and toe of both feet in the last known frame, in the world, (1, 2, 2, 3) [m]."""
-        return foot_points(self.history[len(self.history) - 1 :])
+        return foot_points(self.history[len(self.history) - 1 :]) if self.still is None else self.still.feet[None]
 
     def delivered(
         self, motion: Motion, found: Float32, constraints: Constraints | None = None, *, closes: bool = True

@@ -120,5 +120,7 @@ def _with_ends(constraints: Constraints, told: Flags, places: Float) -> Constrai
 
 def _spells(flags: Flags) -> list[slice]:
     """Runs of true values."""
+    if flags.all():
+        return [slice(0, len(flags))]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
     return [slice(start, stop) for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]

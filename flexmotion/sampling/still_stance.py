@@ -79,7 +79,8 @@ class StillStance:
         last = past[max(0, len(past) - SEEN) :]
         own = last.root_quaternion[-1]
         upright = _turned(rest.root_quaternion[-1], float(heading(own) - heading(rest.root_quaternion[-1])))
-        leans = float(np.linalg.norm(lean_of(own) - lean_of(upright)))
+        leaning, straight = lean_of(np.array([own, upright]))
+        leans = float(np.hypot(*(leaning - straight)))
         if len(last) < 2 or leans > LEANING or (last.joints[-1, _KNEES] > BENT).any():
             return None
         seconds = (len(last) - 1) / last.fps

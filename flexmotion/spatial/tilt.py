@@ -25,7 +25,7 @@ def lean_of(quaternion: Float) -> Float:
     Returns:
         The angle between the body's up axis and the world's, ahead and to the left as the body leans, (..., 2) [rad].
     """
-    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    w, x, y, z = (quaternion[..., part] for part in range(4))
     # The world's up axis in the body's frame, which points back where the body leans ahead.
     level = np.stack([2.0 * (w * y - x * z), -2.0 * (y * z + w * x)], axis=-1)
     return _lean(level, 1.0 - 2.0 * (x * x + y * y))
