@@ -209,7 +209,7 @@ def _horizontal(
     lift = vertical.sum(axis=1)
     share = vertical / np.where(lift > 0, lift, 1.0)[:, None]
     limit = GROUND.friction * vertical
-    size = np.linalg.norm(force, axis=1)
+    size = np.hypot(force[:, 0], force[:, 1])
     given = force * np.minimum(1.0, GROUND.friction * lift / np.maximum(size, SLIGHT))[:, None]
     common = share[..., None] * given[:, None]
     sum_predicted = predicted[..., :2].sum(axis=1)
@@ -220,7 +220,7 @@ def _horizontal(
 
     needed = moment - (place[..., 0] * horizontal[..., 1] - place[..., 1] * horizontal[..., 0]).sum(axis=1)
     twist_limit = GROUND.friction * vertical * lever
-    twist = np.clip(share * needed[:, None], -twist_limit, twist_limit)
+    twist = np.minimum(np.maximum(share * needed[:, None], -twist_limit), twist_limit)
     # The rest by opposed forces across the line between the feet.
     apart = place[:, 0] - place[:, 1]
     across = np.stack([-apart[:, 1], apart[:, 0]], axis=1) / np.maximum((apart**2).sum(axis=1), SLIGHT)[:, None]
@@ -231,8 +231,8 @@ def _horizontal(
 
 def _within_friction(opposed: Float, common: Float, limit: Float) -> Float:
     """Opposed forces (T, 2) reduced until the force of neither foot exceeds its friction."""
-    room = np.maximum(limit - np.linalg.norm(common, axis=-1), 0.0).min(axis=1)
-    size = np.linalg.norm(opposed, axis=1)
+    room = np.maximum(limit - np.hypot(common[..., 0], common[..., 1]), 0.0).min(axis=1)
+    size = np.hypot(opposed[:, 0], opposed[:, 1])
     found: Float = opposed * np.minimum(1.0, room / np.maximum(size, SLIGHT))[:, None]
     return found
 
@@ -240,6 +240,6 @@ def _within_friction(opposed: Float, common: Float, limit: Float) -> Float:
 def _lever(soles: Soles, usable: Flags) -> Float:
     """Mean distance of the usable points from their centre, (T, 2) [m]: lever of friction about it."""
     weight = usable / np.maximum(usable.sum(axis=-1, keepdims=True), 1)
-    middle = (weight[..., None] * soles.points).sum(axis=2, keepdims=True)
-    found: Float = (weight * np.linalg.norm(soles.points - middle, axis=-1)).sum(axis=-1)
+    away = soles.points - np.einsum("tfp,tfpi->tfi", weight, soles.points)[:, :, None]
+    found: Float = np.einsum("tfp,tfp->tf", weight, np.hypot(away[..., 0], away[..., 1]))
     return found

@@ -267,7 +267,14 @@ def _held(values: Float, known: NDArray[np.bool_]) -> Float:
 
 def _settled(wanted: Float, fps: float) -> Float:
     """`wanted` filtered by a critically damped spring from 0, (T,)."""
+    found: Float = _settling(len(wanted), fps) @ wanted
+    return found
+
+
+@lru_cache(maxsize=16)
+def _settling(frames: int, fps: float) -> Float:
+    """The filter of `_settled`, (T, T)."""
     step = 2.0 / (SETTLING_S * fps)
     # Implicit integration: stable at any frame rate.
     kept, pull = 1.0 / (1.0 + step) ** 2, (step / (1.0 + step)) ** 2
-    return recursive([pull], [pull - kept - 1.0, kept], wanted)
+    return recursive([pull], [pull - kept - 1.0, kept], np.eye(frames))

@@ -91,7 +91,7 @@ class Requests:
             return condition
         if condition.text is not None and condition.manner is None:
             said = self.prompt(condition.text).manner
-            condition = replace(condition, manner=None if said == NORMAL else said)
+            condition = condition if said == NORMAL else replace(condition, manner=said)
         if condition.velocity is None:
             kind = self.prompt(condition.text).kind
             meant, speed = phrases.velocity(kind), self._corrections.speed(kind, self.manner(condition))
