@@ -52,6 +52,18 @@ def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = 
     return Effort(force, cross(segments.com, force) + segments.angular_momentum_rate)
 
 
+def whole_effort(segments: SegmentMotion) -> Float:
+    """Total force, and moment about the world's origin, that move all masses, (T, 6) [N, N·m]; less than `effort`."""
+    force = segments.mass[:, None] * (segments.acceleration + [0.0, 0.0, GRAVITY])
+    found, about = np.empty((len(segments), 6)), segments.com.swapaxes(1, 2) @ force  # sums of c fᵀ, (T, 3, 3)
+    np.einsum("tbi->ti", force, out=found[:, :3])
+    np.einsum("tbi->ti", segments.angular_momentum_rate, out=found[:, 3:])
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        found[:, 3 + axis] += about[:, one, other] - about[:, other, one]
+    return found
+
+
 def joint_torques(
     body: Body, segments: SegmentMotion, wrenches: Float, points: Float, loads: Sequence[ExternalLoad] = ()
 ) -> Float:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import CONTACT_SHARE
-from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
+from flexmotion.biomechanics.inverse_dynamics import joint_torques, whole_effort
 from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
@@ -191,7 +191,7 @@ def _staying(usable: Flags, stays: Flags | None) -> Float | None:
 
 def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -> Needs:
     """What a motion needs of the ground, known frames first."""
-    at_origin = effort(segments, body).about(np.zeros((len(segments), 3))) / body.mass
+    at_origin = whole_effort(segments) / body.mass
     return Needs(
         known=KNOWN,
         fps=whole.fps,

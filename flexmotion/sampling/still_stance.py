@@ -77,19 +77,22 @@ class StillStance:
             rest: a standing human, whose last frame counts.
         """
         last = past[max(0, len(past) - SEEN) :]
+        if len(last) < 2 or (last.joints[-1, _KNEES] > BENT).any():
+            return None
+        # What takes least comes first: most that do not stand still are seen by their speed.
+        seconds = (len(last) - 1) / last.fps
+        turned = np.linalg.norm(last.root_quaternion[-1] - last.root_quaternion[0]) * 2.0
+        moved = np.linalg.norm(last.root_position[-1] - last.root_position[0])
+        if moved > SLOW * seconds or turned > SLOW_TURN * seconds:
+            return None
         own = last.root_quaternion[-1]
         upright = _turned(rest.root_quaternion[-1], float(heading(own) - heading(rest.root_quaternion[-1])))
         leaning, straight = lean_of(np.array([own, upright]))
         leans = float(np.hypot(*(leaning - straight)))
-        if len(last) < 2 or leans > LEANING or (last.joints[-1, _KNEES] > BENT).any():
+        if leans > LEANING:
             return None
-        seconds = (len(last) - 1) / last.fps
         feet = foot_points(last)
         if feet[..., 2].max() > REACH or np.ptp(feet, axis=0).max() > SLOW * seconds:
-            return None
-        turned = np.linalg.norm(last.root_quaternion[-1] - last.root_quaternion[0]) * 2.0
-        moved = np.linalg.norm(last.root_position[-1] - last.root_position[0])
-        if moved > SLOW * seconds or turned > SLOW_TURN * seconds:
             return None
         return cls(last, upright if own @ upright > 0.0 else -upright, leans, feet[-1])
 

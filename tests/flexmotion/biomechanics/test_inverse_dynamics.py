@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques, whole_effort
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.smoothing import smooth
 from flexmotion.human.human_model import human_model
@@ -37,6 +37,12 @@ def test_agrees_with_mujoco(fine_clip: Motion) -> None:
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos[frame], velocity[frame], acceleration[frame]
         mujoco.mj_inverse(human.model, data)
         assert torques[frame] == pytest.approx(data.qfrc_inverse[human.dof_index], abs=0.6)
+
+
+def test_the_whole_effort_is_the_sum_of_that_of_the_segments(fine_clip: Motion) -> None:
+    segments = segment_motion(fine_clip)
+    expected = effort(segments, fine_clip.body).about(np.zeros((len(segments), 3)))
+    np.testing.assert_allclose(whole_effort(segments), expected, rtol=1e-12, atol=1e-9)
 
 
 def test_wrench_at_a_foot_acts_as_in_mujoco(fine_clip: Motion) -> None:
