@@ -30,9 +30,10 @@ class Window:
         self.sampler, condition = sampler, Condition(text)
         history = sampler.sample(sampler.standing(), condition, 3)
         remembered = sampler._remember(history)
-        latent = sampler._latent(remembered, condition, seed)
+        meant = sampler.meant(condition)
+        latent = sampler._latent(remembered, meant, seed)
         # Whose torques are asked does not rest.
-        self._draft = replace(sampler._draft(history, remembered, condition), quiet=False, idle=frozenset())
+        self._draft = replace(sampler._draft(history, remembered, condition, meant), quiet=False, idle=frozenset())
         self._found = sampler._frames(latent)
         self.tangent, self._begun = sampler._solver._tangent, self._draft.joined(self._found)
         self.first, slip = self.changed(np.zeros(self.tangent.size, np.float32))
