@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 from importlib import resources
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, parse, yaml_content
@@ -171,6 +171,24 @@ class Recipes(Strict):
     """All gestures of a file."""
 
     gestures: tuple[Gesture, ...] = Field(min_length=1)
+
+
+def usual(gesture: Gesture) -> Gesture:
+    """A gesture with the middle of each span: of the angles of its poses, of holds and speeds."""
+    return gesture.model_copy(update={name: _middle(value) for name, value in gesture})
+
+
+def _middle(value: Any) -> Any:
+    match value:
+        case BaseModel():
+            return value.model_copy(update={name: _middle(own) for name, own in value})
+        case dict():
+            return {name: _middle(own) for name, own in value.items()}
+        case (float(least), float(greatest)):
+            return ((least + greatest) / 2.0,) * 2
+        case tuple():
+            return tuple(_middle(own) for own in value)
+    return value
 
 
 @lru_cache

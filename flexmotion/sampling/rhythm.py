@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import Plan, draw_plan
-from flexmotion.gestures.recipes import Gesture, Pose, Step
+from flexmotion.gestures.recipes import Gesture, Pose, Step, usual
 from flexmotion.gestures.tracks import Stroke
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
@@ -31,7 +31,7 @@ TURNS = 4
 """Repetitions after which the strokes are the same again: their durations differ a little, as people's do."""
 
 SIZES = 8
-"""Draws of what a recipe leaves open of its poses. All last as long as the first: repetitions are counted alike."""
+"""Draws of what a recipe leaves open of its poses. All last as long as the usual one: repetitions are counted alike."""
 
 BETWEEN, PAUSE = "between", (0.3, 0.9)
 """Pose between two repetitions of a gesture of one pose (a shrug), and for how long it is held [s]."""
@@ -78,9 +78,12 @@ class Rhythm:
         gesture, side = _recipes()[kind]
         once = [name for step in gesture.steps for name in step.names]
         endless = gesture.model_copy(update=_endless(gesture))
-        usual, own = (draw_plan(endless, body, side, np.random.default_rng(seed)) for seed in (0, size % SIZES))
+        timed, sized = (
+            draw_plan(own, body, side, np.random.default_rng(seed))
+            for own, seed in ((usual(endless), 0), (endless, size % SIZES))
+        )
         # Arms and head are to be the same again at the same time.
-        plan = replace(usual, targets=own.targets, lead=0.0)
+        plan = replace(timed, targets=sized.targets, lead=0.0)
         return cls(plan, rest, max(len(once), 2), sum(gesture.steps[0].count) // 2, gesture.shortest)
 
     def later(self, frames: int) -> Rhythm:
