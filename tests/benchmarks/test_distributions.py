@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, together, verdicts
-from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
+from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body, step_widths
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.body import Body, Segments
-from flexmotion.human.kinematics import foot_points
+from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.importers.default_clip import default_clip
 
 HAND_UP = {"rises": "right"}
 
@@ -124,3 +126,14 @@ def test_samples_that_skate_more_than_their_clips_fail() -> None:
     assert jerks.holds and "2 of 2 kinds" in jerks.sentence
     _, skate, jerks = verdicts([replace(walks, skates=(0.4, 0.44), jerks=(100.0, 160.0))])
     assert skate.holds and not jerks.holds
+
+
+def test_a_pelvis_that_is_turned_makes_no_step_wider() -> None:
+    """Steps of walks were 9 cm wider than they are: they were measured across a pelvis that turns with each step."""
+    human = forward(default_clip())
+    spin = Rotation.from_rotvec([0.0, 0.0, np.radians(9.0)]).as_matrix()
+    turned = replace(human, pelvis_rotation=spin @ human.pelvis_rotation)
+    own = step_widths(human, default_clip().fps)
+    assert len(own) > 3
+    np.testing.assert_array_equal(step_widths(turned, default_clip().fps), own)
+    assert 0.03 < np.median(own) < 0.2
