@@ -17,7 +17,8 @@ on, not pulled at.
 Over feet that stay, a body falls away from a zero-moment point that is just kept inside, as an inverted pendulum does.
 Of windows that end standing, the capture point x + ẋ/ω at the end is therefore kept inside as well, at the cost of
 frames before (N. Scianca et al., "MPC for humanoid gait generation: stability and feasibility", IEEE Trans. Robotics
-36(4), 2020: the boundedness condition).
+36(4), 2020: the boundedness condition). A body that walks keeps its mean velocity v after the window: x + (ẋ - v)/ω is
+led to the middle of its feet. That of people is up to .2 m ahead of it and .1 m behind (25 walks at 1.2 m/s).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
 from flexmotion.human.vectors import cross
 from flexmotion.sampling.soles import NOWHERE, OUTWARD
+from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
@@ -156,7 +158,13 @@ def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> F
 
 
 def horizontal_shift(
-    needs: Needs, bounds: Float, stays: Float | None = None, settings: Balance = BALANCE, *, stands: bool = False
+    needs: Needs,
+    bounds: Float,
+    stays: Float | None = None,
+    settings: Balance = BALANCE,
+    *,
+    stands: bool = False,
+    walks: Walks | None = None,
 ) -> Float:
     """Shift of the place of every frame, (N, 2) [m]; zero in known frames.
 
@@ -168,6 +176,7 @@ def horizontal_shift(
         settings: weights.
         stands: whether the body is to stand at the end. Where most of the region stays then, its capture point is kept
             inside.
+        walks: how it goes on over a region that stays. None: no place is asked of its capture point.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
     lift = needs.force[terms.rows, 2]
@@ -183,14 +192,17 @@ def horizontal_shift(
         moved += stays[rows, None] * np.eye(len(needs.root))[rows, needs.known :]
     # An error of the zero-moment point counts as the acceleration that makes up for it.
     weight = settings.ease / lever[:, 0] ** 2
-    if stands and stays is not None:
+    if stands or walks is not None:
         frequency = np.sqrt(GRAVITY / needs.centre[-1, 2])
         capture = _capture(needs.fps, frequency, len(needs.root))
-        base = np.concatenate([base, capture @ needs.centre[:, :2]])
-        # The last frame has no zero-moment point of its own, nor a region that was judged.
-        capture[0, -1] -= 1.0 - stays[-2]
+        ends, region = capture @ needs.centre[:, :2], bounds[-2:-1] - margin
+        if walks is not None:
+            ends, region = ends - walks.velocity / frequency, (walks.middle @ OUTWARD)[None]
+        elif stays is not None:
+            # The last frame has no zero-moment point of its own, nor a region that was judged.
+            capture[0, -1] -= 1.0 - stays[-2]
+        base, edge = np.concatenate([base, ends]), np.concatenate([edge, region])
         moved = np.concatenate([moved, capture[:, needs.known :]])
-        edge = np.concatenate([edge, bounds[-2:-1] - margin])
         weight = np.append(weight, settings.capture * settings.ease * frequency**4)
     start = terms.wanted(needs, slice(2))
     shift = terms.place_free @ start

@@ -5,7 +5,8 @@ other forces. After planting, therefore:
 
 1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone, in
    poses that are held at a lower one;
-2. the root's path is shifted until the ground can give what the motion needs (`balance`);
+2. the root's path is shifted until the ground can give what the motion needs (`balance`): of a body that stands or
+   walks over feet that legs keep on their paths, then, for what the legs' own accelerations need, with its feet;
 3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
 4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
 
@@ -42,6 +43,7 @@ from flexmotion.sampling.ground_share import GroundShare, ground_share
 from flexmotion.sampling.low_pass import continued
 from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.soles import Soles
+from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
@@ -77,6 +79,9 @@ def delivered(
     stays: Flags | None = None,
     resting: RestingFeet | None = None,
     cutoff: float = CUTOFF,
+    *,
+    walks: bool = False,
+    stops: bool = False,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -92,31 +97,34 @@ def delivered(
         stays: feet that `finish` brings back to where they are in `window`, (T, 2); None: none.
         resting: feet of a body that stands, which `finish` keeps in place.
         cutoff: at which root and legs are low-passed [Hz].
+        walks: whether `finish` keeps both feet on their paths under a body that goes somewhere.
+        stops: whether that is to stand after the window.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
     if window.wrenches is None or window.pressure_centres is None or window.contacts is None or not len(window):
         return Delivered(before, window)
-    centres = window.pressure_centres
     window = _low_passed(window, last, cutoff)
     known = _lengthened(last, KNOWN)
     whole = concatenate([known.kinematics, window.kinematics])
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting)
+    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting, walks=walks, stops=stops)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
-    at = shift[KNOWN:]
-    window = window.changed(
-        root_position=window.root_position + at,
-        pressure_centres=centres + (at * [1.0, 1.0, 0.0])[:, None],
-    )
+    window = _shifted(window, shift)
     finished = finish(window, _frames(segments, slice(KNOWN, None)))
     if finished is not window:
         segments = moved_by(np.asarray((finished.joints != window.joints).any(axis=0)), segments, finished)
         window = finished
         soles = Soles.of(whole.body, segments)
+        whole = concatenate([known.kinematics, window.kinematics])
         needs = _needs(segments, window.body, whole, planned)
+        if walks:
+            shift = np.zeros((len(whole), 3))
+            shift[:, :2] = horizontal_shift(needs, soles.bounds(_usable(contacts, soles, STANDING)))
+            segments, soles, needs = _moved(segments, shift, whole.fps), soles.moved(shift), needs.shifted(shift)
+            window = _shifted(window, shift)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
@@ -134,6 +142,14 @@ def delivered(
     )
     found = _with_forces(predicted, ground, _frames(segments, made))
     return Delivered(found[:again] if again else before, found[again:])
+
+
+def _shifted(window: Motion, shift: Float) -> Motion:
+    """A window whose last frames of root and centres of pressure are shifted by the last of (N, 3) [m]."""
+    assert window.pressure_centres is not None
+    at = shift[len(shift) - len(window) :]
+    centres = window.pressure_centres + (at * [1.0, 1.0, 0.0])[:, None]
+    return window.changed(root_position=window.root_position + at, pressure_centres=centres)
 
 
 def _low_passed(window: Motion, past: Motion, cutoff: float) -> Motion:
@@ -162,6 +178,9 @@ def _balanced(
     planned: Float,
     stays: Flags | None,
     resting: RestingFeet | None,
+    *,
+    walks: bool,
+    stops: bool,
 ) -> tuple[Float, Needs]:
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
     needs = _needs(segments, whole.body, whole, planned)
@@ -173,7 +192,9 @@ def _balanced(
         stays = resting.stands if stays is None else stays | resting.stands
         away = np.pad(resting.shift, [(KNOWN, 0), (0, 0), (0, 0)])
         soles = replace(soles, points=soles.points + away[:, :, None])
-    level = horizontal_shift(lifted, soles.bounds(usable), _staying(usable, stays), stands=resting is not None)
+    bounds, kept = soles.bounds(usable), _staying(usable, stays)
+    goes_on = Walks.of(whole, segments, soles, KNOWN, stops=stops) if walks else None
+    level = horizontal_shift(lifted, bounds, kept, stands=resting is not None, walks=goes_on)
     shift[:, :2] = level
     return shift, lifted.shifted(shift * [1.0, 1.0, 0.0])
 

@@ -20,10 +20,12 @@ from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import SIDES
 from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.kept_pose import KeptPose
+from flexmotion.sampling.leg_reach import smoothly_shifted
 from flexmotion.sampling.limb_closing import LEG, closed, staying
 from flexmotion.sampling.low_pass import steadied
 from flexmotion.sampling.muscle_share import with_muscles
@@ -46,6 +48,10 @@ ARRIVING = 4
 
 UPRIGHT = np.radians(0.1)
 """A pelvis that leans by less than this [rad] is upright."""
+
+BRAKES = 1.25
+"""A body that is slower or faster in a window than it arrives, by this [m/s], is not held by its feet: its capture
+point is .4 m beside where they want it."""
 
 IN_PLACE = 1e-6
 """Legs are not closed where feet and balance moved no farther than this [m]."""
@@ -102,15 +108,17 @@ class Draft:
     def joined(self, found: Float32) -> Float32:
         """Decoded features that continue the history, (W, F).
 
-        Those of balanced windows are low-passed, and legs of a body that travels end at their ankles' places there,
-        where nothing is asked of frames.
+        Those of balanced windows are low-passed, and legs of a body that walks end at their ankles' places there,
+        where nothing is asked of frames. Legs of runs are left: places of their ankles are 2.5 cm farther apart than
+        people's, ends of their joints are not.
         """
         features = inertialised(found, self.remembered, self.layout)
         if not self.balanced:
             return features
         features = steadied(features, self.remembered, self.layout, self.cutoff)
-        free = self.asked is None or not self.asked.of_frames
-        return placed(features, self.layout, self.body) if free and not self.on_the_spot else features
+        grounded = (features[:, self.layout.blocks["contacts"]] > 0.5).any(axis=1).all()
+        walks = self._free and not self.on_the_spot and grounded
+        return placed(features, self.layout, self.body) if walks else features
 
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
@@ -190,8 +198,10 @@ class Draft:
     def _in_balance(
         self, motion: Motion, accelerations: Float, constraints: Constraints | None, *, closes: bool
     ) -> Delivered:
-        """See `delivered`; feet that rest stay where they are."""
+        """See `delivered`; feet that rest stay where they are, and those of a walk on their paths."""
         resting = self._resting(motion)
+        if resting is None and self._walks(motion):
+            return self._walking(motion, accelerations)
         if resting is not None:
             assert motion.contacts is not None
             # A body that stood on both feet and was said to stand on one would fall away from it.
@@ -221,12 +231,34 @@ class Draft:
 
         return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff)
 
+    def _walking(self, motion: Motion, accelerations: Float) -> Delivered:
+        """A planted window of a walk as it is handed on; its feet keep their paths under the body."""
+
+        def finish(window: Motion, segments: SegmentMotion) -> Motion:
+            back = np.repeat((motion.root_position - window.root_position)[:, None], len(SIDES), axis=1)
+            return smoothly_shifted(window, back, self.anchor.joints)
+
+        stays = np.ones((len(motion), len(SIDES)), np.bool_)
+        return delivered(
+            motion, self.history, accelerations, finish, stays, cutoff=self.cutoff, walks=True, stops=self.on_the_spot
+        )
+
     def _resting(self, motion: Motion) -> RestingFeet | None:
         """Feet of a planted window that rest; None where it does not stand, or its forces are not known."""
         if motion.wrenches is None or motion.contacts is None or not self._stays(self._way(motion), len(motion)):
             return None
         feet = np.concatenate([self._feet_before, foot_points(motion)])
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)
+
+    def _walks(self, motion: Motion) -> bool:
+        """Whether the body walks or runs, and nothing is asked of single frames.
+
+        A body that is to stop within a step from a run is not held by its legs.
+        """
+        if motion.wrenches is None or motion.contacts is None or self.still is not None or not self._free:
+            return False
+        changes = abs(self._arrived - self._way(motion) * motion.fps / len(motion))
+        return changes < BRAKES
 
     def _way(self, motion: Motion) -> float:
         """How far the body goes from the frame before the window to its end, along the floor [m]."""
@@ -235,6 +267,11 @@ class Draft:
     def _stays(self, way: float, frames: int) -> bool:
         """Whether a body that goes so far [m] in so many frames stays where it is."""
         return self.on_the_spot and max(self._arrived, way * self.layout.fps / frames) <= WALKS
+
+    @property
+    def _free(self) -> bool:
+        """Whether nothing is asked of single frames: corrections of the latent know legs as they are decoded."""
+        return self.asked is None or not self.asked.of_frames
 
     @property
     def _keeps_feet(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
 from flexmotion.human.body import Body
@@ -22,6 +23,8 @@ Float = NDArray[np.float64]
 TILTS = 3
 """Times that a leg is solved for its sole, which tilts with it: moved by .1 m it is 17 mm off, then 3, then .5."""
 AHEAD = np.array([1.0, 0.0, 0.0])
+SMOOTH = np.array([0.25, 0.5, 0.25])
+"""Filter over frames, of changes of a leg's angles."""
 
 HIP_BALLS = [[ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES]
 """Left and right hip among `joint_groups.BALLS`."""
@@ -72,6 +75,18 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     joints[:, KNEES] = np.where(moves, bent, knees)
     joints[:, ANKLES] = np.where(moves, dorsal, ankles)
     return motion.changed(joints=joints)
+
+
+def smoothly_shifted(motion: Motion, by: Float, before: Float) -> Motion:
+    """`shifted` with changes of the angles that are smoothed over frames.
+
+    A leg that is nearly straight bends by degrees for a millimetre. Soles are off by as
+    little where `by` changes slowly.
+    """
+    change = shifted(motion, by, before).joints - motion.joints
+    change -= 2 * np.pi * np.round(change / (2 * np.pi))  # other turns of the same hip
+    smooth = convolve1d(np.concatenate([np.zeros_like(change[:1]), change]), SMOOTH, axis=0, mode="nearest")[1:]
+    return motion.changed(joints=motion.joints + smooth)
 
 
 def leg(body: Body, knees: Float) -> Float:

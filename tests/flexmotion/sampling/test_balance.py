@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from flexmotion.sampling.balance import Needs, horizontal_shift
 from flexmotion.sampling.soles import OUTWARD
+from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
 
 FRAMES, KNOWN, FPS = 40, 8, 30.0
@@ -57,6 +59,17 @@ def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
     along = [horizontal_shift(needs, bounds, np.zeros(FRAMES), stands=on) for on in (True, False)]
     np.testing.assert_array_equal(*along)
     assert zmp(needs, stands)[FRAMES - 10 : FRAMES - 2].max() < 0.06
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.3])
+def test_a_body_that_walks_on_ends_over_the_middle_of_its_feet_at_its_speed(speed: float) -> None:
+    # A walk whose end was left free, or whose shift was to end there, ran away in one of five seeds: asked for .3 m/s
+    # it went 5.5 m in 8 s.
+    needs, bounds = standing_beside()
+    walks = Walks(velocity=np.array([speed, 0.0]), middle=np.zeros(2))
+    shift = horizontal_shift(needs, bounds, np.ones(FRAMES), walks=walks)[:, 0]
+    velocity = (shift[-1] - shift[-4]) * FPS / 3
+    assert BESIDE + shift[-1] + (velocity - speed) * np.sqrt(HEIGHT / GRAVITY) == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_body_over_no_sole_is_not_brought_anywhere() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.features.constraints import Constraints
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.planted import Slip
@@ -27,12 +28,13 @@ class Window:
     """A sampled window, and what becomes of it when its latent changes."""
 
     def __init__(self, sampler: Sampler, text: str, seed: int = 4) -> None:
-        self.sampler, condition = sampler, Condition(text)
+        # Whose torques are asked is balanced with its feet, and does not rest.
+        limits = Constraints.none(sampler.layout, sampler.body, sampler.future).torque_limit("knee_flexion_r", 0, 1e6)
+        self.sampler, condition = sampler, Condition(text, constraints=limits)
         history = sampler.sample(sampler.standing(), condition, 3)
         remembered = sampler._remember(history)
         meant = sampler.meant(condition)
         latent = sampler._latent(remembered, meant, seed)
-        # Whose torques are asked does not rest.
         self._draft = replace(sampler._draft(history, remembered, condition, meant), quiet=False, idle=frozenset())
         self._found = sampler._frames(latent)
         self.tangent, self._begun = sampler._solver._tangent, self._draft.joined(self._found)

@@ -1,0 +1,55 @@
+"""`Walks`: how a body goes on that walks at the end of a window.
+
+What comes after a window is not known. A walk that is balanced within it alone would end with a body that falls over
+its feet, or is far behind them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.segment_motion import SegmentMotion
+from flexmotion.human.human_model import human_model
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.soles import Soles
+from flexmotion.spatial.heading import continuous_matrix_heading
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Walks:
+    """See the file.
+
+    Attributes:
+        velocity: that it keeps, (2,) [m/s].
+        middle: of its feet, (2,) [m].
+    """
+
+    velocity: Float
+    middle: Float
+
+    @classmethod
+    def of(cls, motion: Motion, segments: SegmentMotion, soles: Soles, first: int, *, stops: bool) -> Walks:
+        """With the mean velocity of the window, turned as the torso has turned since its middle.
+
+        The torso says it best: with each step a pelvis turns to and fro by 9°, which looks like a turn within a window.
+
+        Args:
+            motion, segments, soles: of the window, N frames, and of known ones before it.
+            first: frame of the window.
+            stops: whether the body is to stand after the window.
+        """
+        middle: Float = soles.points[-1].mean(axis=(0, 1))
+        if stops:
+            return cls(np.zeros(2), middle)
+        way = (motion.root_position[-1] - motion.root_position[first])[:2]
+        mean = way * motion.fps / (len(motion) - 1 - first)
+        torso = segments.rotation[first:, human_model(motion.body).body_index["torso"]]
+        heading = continuous_matrix_heading(torso)
+        turned = 0.5 * np.polyfit(np.linspace(0.0, 1.0, len(heading)), heading, 1)[0]
+        cosine, sine = np.cos(turned), np.sin(turned)
+        return cls(np.array([[cosine, -sine], [sine, cosine]]) @ mean, middle)
