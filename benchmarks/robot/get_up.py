@@ -56,11 +56,13 @@ def attempts(task: tuple[str, bool, int, int], robot_name: str) -> list[GotUp]:
 
 def table(groups: dict[str, list[GotUp]]) -> Table:
     """One row a side and way to fall."""
-    out = Table("lay on its", "stands", "time [s]", "peak torque [N·m]", "over usable", "RMS over usable", "violations")
+    heads = "time [s]", "peak torque [N·m]", "over usable", "RMS over usable", "violations"
+    out = Table("lay on its", "stands", "asked again", *heads)
     for side, group in groups.items():
         out.add_row(
             side,
             f"{sum(one.stood for one in group)} of {len(group)}",
+            str(sum(one.asked > 1 for one in group)),
             f"{np.median([one.seconds for one in group]):.1f}",
             f"{max(one.peak_nm for one in group):.2f}",
             f"{max(one.peak_share for one in group):.2f}",
@@ -118,6 +120,7 @@ def main(
         figures[side] = {
             "starts": float(len(group)),
             "stand": float(stand),
+            "asked_again": float(sum(one.asked > 1 for one in group)),
             "median_s": float(np.median([one.seconds for one in group])),
             "peak_nm": max(one.peak_nm for one in group),
             "peak_over_usable": max(one.peak_share for one in group),

@@ -21,7 +21,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.lying import lying_on
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
-from flexmotion.streamer.control.telemetry import Telemetry
+from flexmotion.streamer.control.telemetry import Telemetry, events
 
 ARMS_RAD, LEGS_RAD = 0.8, 0.25
 """Greatest angle by which a joint of arms and head, or of a leg, differs from the stand pose when the robot falls."""
@@ -34,6 +34,9 @@ MASS_KG = (3.15, 3.5)
 LIGHT, FRICTION, STIFF, VOLTS, DRY = 0.94, 1.0, 1.04, (11.4, 12.4), (0.7, 1.5)
 """Mass of the torso and stiffness of the servos over nominal, friction of the floor, supply [V] and dry friction of the
 joints over nominal, at the end of their range that the perturbations do not have."""
+ASK_AGAIN, ASKS, ASKS_AGAIN_S = "ask again", 5, 1.0
+"""What a refusal says that is not for good, how often a robot is asked at most, and after which time again [s]. A limp
+leg that slides down seconds after the fall moves the torso as a hand would."""
 STANDS_S = 2.0
 """Time that it must stand after it has got up, still upright [s]."""
 LONGEST_S = 45.0
@@ -52,8 +55,9 @@ class GotUp:
     Attributes:
         side: that it lay on.
         limp: it had collapsed limp.
+        asked: requests until it began to get up, or all of them.
         stood: it got up, and stood for `STANDS_S`.
-        seconds: from the request until it was ready for a plan.
+        seconds: from the last request until it was ready for a plan.
         peak_nm: greatest torque of a servo; peak_share: the same over its usable torque. A servo that brakes makes more
             than that, up to its stall torque.
         rms_share: greatest RMS torque of a servo over its usable torque.
@@ -64,6 +68,7 @@ class GotUp:
     seed: int
     side: str
     limp: bool
+    asked: int
     stood: bool
     seconds: float
     peak_nm: float
@@ -126,6 +131,7 @@ class Fallen:
         self.loop = ControlLoop(robot, self.driver, retargeter, plans, self.telemetry)
         self.loop.awaits_arm = True
         self._peak, self._squares = np.zeros(robot.n), np.zeros(robot.n)
+        self._asked = 0
         self.lies_on: str | None = None
 
     def fall(self) -> None:
@@ -146,14 +152,20 @@ class Fallen:
         self.lies_on = lying_on(loop.estimator.tilt, robot.safety.fall_tilt)
 
     def get_up(self) -> GotUp:
-        """Ask it to get up, and watch what becomes of it."""
+        """Ask it to get up, again where it is told to, and watch what becomes of it."""
         loop, rate = self.loop, self.robot.rate_hz
-        before, begin = self.driver.violations, loop.tick_count
-        self._peak[:] = self._squares[:] = 0.0
-        loop.inputs.get_up = True
-        self._tick()
-        if not self._in(State.GET_UP):
-            return self._ended("refused", before, begin)
+        told = self.telemetry.events.reader(new_only=True)
+        for self._asked in range(1, ASKS + 1):
+            before, begin = self.driver.violations, loop.tick_count
+            self._peak[:] = self._squares[:] = 0.0
+            loop.inputs.get_up = True
+            self._tick()
+            refused = "; ".join(event.message for event in events(told) if event.kind == "refused")
+            if ASK_AGAIN not in refused:
+                break
+            self._until(State.OFF, ASKS_AGAIN_S)
+        if refused:
+            return self._ended(refused, before, begin)
         while self._in(State.GET_UP, State.READY) and not loop.ready:
             self._tick()
             if loop.tick_count - begin > LONGEST_S * rate:
@@ -175,6 +187,7 @@ class Fallen:
             seed=self.seed,
             side=str(self.lies_on),
             limp=self.limp,
+            asked=self._asked,
             stood=not reason,
             seconds=ticks / self.robot.rate_hz,
             peak_nm=float(self._peak.max()),

@@ -70,6 +70,7 @@ def test_a_robot_that_the_steps_are_not_for_is_a_robot_that_does_not_get_up(
     tmp_path: Path, side: str, edit: Callable[[dict[str, Any]], None], says: str
 ) -> None:
     """A copy of OP3 with narrower joint limits or slower servos was refused for the poses of a get-up it never made."""
-    found = loaded(tmp_path, lambda content: edit(content[side][2])).get_up
+    push_up = next(number for number, step in enumerate(load_robot("op3").get_up.steps[side]) if step.name == "push up")
+    found = loaded(tmp_path, lambda content: edit(content[side][push_up])).get_up
     assert set(found.steps) == {"front", "back"} - {side} and set(found.unfit) == {side}
     assert re.search(says, found.unfit[side]) and FILE in found.unfit[side]

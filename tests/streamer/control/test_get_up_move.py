@@ -54,7 +54,7 @@ def test_a_step_waits_for_the_torso_and_then_gives_up(op3: Robot) -> None:
         move.step(reference, upright)
         ticks += 1
     assert ticks / op3.rate_hz == pytest.approx(first.seconds + first.hold_s + first.wait_s, abs=0.05)
-    assert move.failed == "after step 1 of 9 (spread the arms) the torso is pitched by 0°, expected -109° to -74°"
+    assert move.failed == "after step 1 of 10 (draw the legs up) the torso is pitched by 0°, expected -115° to -74°"
 
 
 @pytest.mark.parametrize("number", [0, 6])
