@@ -85,6 +85,7 @@ class Prompt:
         dropped: words that say a manner which is not done.
         refused: kind of motion that was asked for and that the model, or the robot, does not offer; None: it was not
             refused so.
+        unoffered: who does not offer that kind, in words.
     """
 
     embedding: NDArray[np.float32]
@@ -96,6 +97,7 @@ class Prompt:
     manner: str = NORMAL
     dropped: tuple[str, ...] = ()
     refused: str | None = None
+    unoffered: str | None = None
 
 
 class PromptReader:
@@ -169,8 +171,9 @@ class PromptReader:
             warning = f"{sentence!r}: {reason}; the model stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if kind not in self.offered:
-            warning = f"{sentence!r}: {self._unoffered(kind)}, it stands still; {self._offer(likeness)}"
-            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
+            unoffered = self._unoffered(kind)
+            warning = f"{sentence!r}: {unoffered}, it stands still; {self._offer(likeness)}"
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind, unoffered=unoffered)
         # Standing has one manner.
         manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)
         return replace(self.meaning(kind), likeness=best, share=share, manner=manner, dropped=dropped)
