@@ -79,6 +79,7 @@ CATALOGUE = (
         "robot/likeness", "3 min", (Need.CLIPS,), "gestures off by 20/22°, a spurious swing, pitch below .85, a fall"
     ),
     Benchmark("robot/prompts", "30 min", (), "upright, or done, below 90 % (gestures), 80 % (locomotion)"),
+    Benchmark("robot/kinds", "15 min", (), "a fall"),
     Benchmark("robot/sentences", "5 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("robot/hand_targets", "4 min", (), "hand off by 1.5 cm in 20 %, by 4 cm in 5 %; a touch, a fall"),
     Benchmark("robot/foot_targets", "4 min", (), "sole off by 1 cm in 20 %, 2 cm later in 5 %; 4° in 5 %; a fall"),

@@ -16,6 +16,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.get_up import read_get_up
 from flexmotion.configs.identification import apply_to_joints, complete_joints, identified
 from flexmotion.configs.push_correction import read_push_correction
+from flexmotion.configs.repertoire import read_repertoire
 from flexmotion.configs.robot_checks import check_numbers
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
@@ -83,6 +84,7 @@ class Robot:
         stand_pose, rest_pose: [rad].
         get_up: from which sides it gets up on request, and how (`flexmotion.configs.get_up`).
         push_correction: how its joints answer a push; None: not known (`flexmotion.configs.push_correction`).
+        repertoire: kinds of motion that it was judged to do; None: it was not judged (`flexmotion.configs.repertoire`).
         model: the compiled MJCF, without floor; read-only (`compile` makes an editable one).
         qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
         torso_id: id of the torso's body.
@@ -155,6 +157,7 @@ class Robot:
         check_numbers(self)
         self.get_up = read_get_up(self)
         self.push_correction = read_push_correction(self)
+        self.repertoire = read_repertoire(self, self.name if is_shipped(self) else str(self.folder))
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n} joints, {self.file})"

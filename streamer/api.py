@@ -80,15 +80,23 @@ def open_bundle(folder: str | Path | None = None) -> Bundle:
     return Bundle(found)
 
 
-def open_sampler(folder: str | Path | None = None, steps: int | None = None, *, balanced: bool = False) -> Sampler:
+def open_sampler(
+    folder: str | Path | None = None,
+    steps: int | None = None,
+    *,
+    balanced: bool = False,
+    robot: Robot | None = None,
+) -> Sampler:
     """The model of a bundle, ready to sample human motion; see `open_bundle`.
 
     Args:
         steps: of the diffusion; None: the bundle's default.
         balanced: with forces that belong to the motion, whose path is shifted for them. Robots follow motion without
             it: with it they fell more often when targets change within a second.
+        robot: that follows; what it was judged not to do is refused by name. None: no robot does.
     """
-    return Sampler(open_bundle(folder), steps, balanced=balanced)
+    repertoire = None if robot is None else robot.repertoire
+    return Sampler(open_bundle(folder), steps, balanced=balanced, robot=repertoire)
 
 
 def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
@@ -152,7 +160,7 @@ def open_source(
         items = [Item(0.0, followed)] if isinstance(followed, Intent) else followed
         check_script(items)
         if not isinstance(items[0].intent, Clip):
-            sampler = open_sampler(bundle)
+            sampler = open_sampler(bundle, robot=robot)
             pace = human_pace(robot, sampler.body)
             allowed = {Path(clip).name: resample(load_motion(clip, mapping), sampler.fps) for clip in clips}
             return ModelSource(sampler, items, name or "model", seed, seconds, pace, clips=allowed)

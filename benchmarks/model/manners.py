@@ -26,8 +26,8 @@ from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption, WriteOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.streamed import streamed
-from flexmotion.bundles.manifest import Judged
 from flexmotion.bundles.repertoire import write_judged
+from flexmotion.configs.judged import Judged
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.dataset.meaning import clip_kind, clip_manner
 from flexmotion.human.motion import Motion

@@ -27,8 +27,8 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.poses import leaning, raising
 from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
 from benchmarks.shared.streamed import streamed
-from flexmotion.bundles.manifest import Judged
 from flexmotion.bundles.repertoire import offered_kinds, write_judged
+from flexmotion.configs.judged import Judged
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler

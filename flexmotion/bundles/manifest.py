@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.judged import Judged
 from flexmotion.configs.schema import Strict, load, parse
 from flexmotion.configs.versions import FormatVersions
 from flexmotion.human.body import Sex
@@ -67,27 +66,6 @@ class BodySize(Strict):
     mass: float
     sex: Sex
     segments: dict[str, float]
-
-
-class Judged(Strict):
-    """Result of a judge: how many samples of a kind of motion, or of a manner, it found to be what was asked.
-
-    Attributes:
-        judge: its name.
-        samples: that it judged.
-        share: of them that are what was asked, in [0, 1].
-        least: share from which on it passes.
-    """
-
-    judge: str
-    samples: int = Field(gt=0)
-    share: float = Field(ge=0, le=1)
-    least: float = Field(ge=0, le=1)
-
-    @property
-    def passed(self) -> bool:
-        """Whether a bundle may offer it."""
-        return self.share >= self.least
 
 
 class Repertoire(Strict):

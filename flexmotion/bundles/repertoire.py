@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import MANIFEST, Judged, Repertoire, write_manifest
+from flexmotion.bundles.manifest import MANIFEST, Repertoire, write_manifest
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.judged import Judged
+from flexmotion.configs.repertoire import RobotRepertoire
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND
 
@@ -43,11 +45,16 @@ def write_judged(
     return Bundle(bundle.folder)
 
 
-def offered_kinds(bundle: Bundle) -> tuple[str, ...]:
-    """Kinds of motion that a bundle offers: standing, and those whose judge passed; all where none was judged."""
+def offered_kinds(bundle: Bundle, robot: RobotRepertoire | None = None) -> tuple[str, ...]:
+    """Kinds of motion that a bundle offers: standing, and those whose judge passed; all where none was judged.
+
+    Args:
+        robot: what the robot that follows was judged to do: of its kinds the same holds; None: it was not judged.
+    """
     own = tuple(dict.fromkeys(bundle.prompts.kinds))
     judged = None if bundle.manifest.repertoire is None else bundle.manifest.repertoire.kinds
-    return own if judged is None else tuple(kind for kind in own if kind == STAND or _passed(judged, kind))
+    modelled = own if judged is None else tuple(kind for kind in own if kind == STAND or _passed(judged, kind))
+    return tuple(kind for kind in modelled if kind == STAND or robot is None or robot.offers(kind))
 
 
 def offered_manners(bundle: Bundle) -> tuple[str, ...]:

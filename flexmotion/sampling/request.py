@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.repertoire import RobotRepertoire
 from flexmotion.features.heading_frame import chord
 from flexmotion.sampling.beside import fits_beside
 from flexmotion.sampling.condition import Condition
@@ -49,9 +50,10 @@ class Requests:
     Args:
         bundle: of the model.
         unjudged: whether to offer what the bundle knows and was not judged to do.
+        robot: what the robot that follows was judged to do; None: all.
     """
 
-    def __init__(self, bundle: Bundle, unjudged: bool = False) -> None:
+    def __init__(self, bundle: Bundle, unjudged: bool = False, robot: RobotRepertoire | None = None) -> None:
         manifest, prompts = bundle.manifest, bundle.prompts
         self._bundle, self._manifest, self._corrections = bundle, manifest, manifest.corrections
         known, embeddings = bundle.manners.names, bundle.manners.embeddings
@@ -65,6 +67,7 @@ class Requests:
             None if unjudged else offered_kinds(bundle),
             self.manners,
             bundle.manner_listener,
+            robot,
         )
         self._rhythms = rhythm_kinds()
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
@@ -73,7 +76,7 @@ class Requests:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motion that are offered."""
+        """Kinds of motion that the bundle, and the robot, offer."""
         return self.reader.offered
 
     def prompt(self, text: str | None) -> Prompt:

@@ -14,6 +14,7 @@ from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.configs.errors import ConfigError, SamplingError
+from flexmotion.configs.repertoire import RobotRepertoire
 from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -54,6 +55,7 @@ class Sampler:
             else they are as planted, with the forces of the decoder, as earlier versions sampled them.
         corrections: steps by which windows with constraints are corrected (`constraint_solver.py`); with 0 a
             course acts by velocities alone.
+        robot: what the robot that follows was judged to do: any other kind of motion is refused by name; None: all.
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.
@@ -67,9 +69,10 @@ class Sampler:
         unjudged: bool = False,
         balanced: bool = True,
         corrections: int = CORRECTIONS,
+        robot: RobotRepertoire | None = None,
     ) -> None:
         manifest = bundle.manifest
-        self.balanced, self.corrections = balanced, corrections
+        self.balanced, self.corrections, self.robot = balanced, corrections, robot
         self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
         self.history, self.future = manifest.history, manifest.future
         self.steps = manifest.steps if steps is None else steps
@@ -77,7 +80,7 @@ class Sampler:
             raise ConfigError(f"steps is {self.steps}, expected 1 to {manifest.times}")
         self._denoiser = open_session(bundle.folder / DENOISER)
         self._decoder = open_session(bundle.folder / DECODER)
-        self.requests = Requests(bundle, unjudged)
+        self.requests = Requests(bundle, unjudged, robot)
         self._rest = self.standing()
         self._statistics, self._kept = bundle.statistics, bundle.kept
         # A distilled network has guidance as an input: one evaluation a step. Else guidance takes one with the request,

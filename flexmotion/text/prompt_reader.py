@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.repertoire import RobotRepertoire
 from flexmotion.text.limbs import limb_refusal
 from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
@@ -82,7 +83,9 @@ class Prompt:
         share: of the most probable kind in what the listener heard; 1 for a known wording.
         manner: in which the motion is asked for.
         dropped: words that say a manner which is not done.
-        refused: kind of motion that was asked for and that the model does not offer; None: it was not refused so.
+        refused: kind of motion that was asked for and that the model, or the robot, does not offer; None: it was not
+            refused so.
+        unoffered: who does not offer that kind, in words.
     """
 
     embedding: NDArray[np.float32]
@@ -94,6 +97,7 @@ class Prompt:
     manner: str = NORMAL
     dropped: tuple[str, ...] = ()
     refused: str | None = None
+    unoffered: str | None = None
 
 
 class PromptReader:
@@ -103,7 +107,7 @@ class PromptReader:
     that kind: they mean the same, and the denoiser hears single ones less well. Kinds are not mixed: "to your left" is
     nearly as near to "turn right" as to "turn left". Known wordings are not classified. The manner is heard apart from
     the kind. Sentences that are not understood, that name a limb which the motion does not use, prohibitions, and kinds
-    that the model does not offer mean standing still; manners that it does not offer are dropped.
+    that the model or the robot does not offer mean standing still; manners that the model does not offer are dropped.
 
     Args:
         folder: of the sentence encoder.
@@ -113,6 +117,10 @@ class PromptReader:
         offered: kinds that the model offers; None: all that have wordings.
         manners: that the model offers.
         manner_listener: trained on phrases; None: manners are known by their listed words alone.
+        robot: what the robot that follows was judged to do; None: all.
+
+    Attributes:
+        offered: kinds that model and robot offer.
     """
 
     def __init__(
@@ -124,11 +132,13 @@ class PromptReader:
         offered: Collection[str] | None = None,
         manners: Collection[str] = (),
         manner_listener: Listener | None = None,
+        robot: RobotRepertoire | None = None,
     ) -> None:
         self._encode = SentenceEncoder(folder)
         self._kinds, self._embeddings, self._listener = np.array(kinds), embeddings, listener
         own = tuple(dict.fromkeys(kinds))
-        self.offered = own if offered is None else tuple(kind for kind in own if kind in offered or kind == STAND)
+        self._robot, self._modelled = robot, {STAND, *(own if offered is None else offered)}
+        self.offered = tuple(kind for kind in own if kind in self._modelled and self._robot_offers(kind))
         self._manner = MannerReader(self._encode, manners, manner_listener)
         self.idle = self.meaning(STAND)
 
@@ -161,8 +171,9 @@ class PromptReader:
             warning = f"{sentence!r}: {reason}; the model stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if kind not in self.offered:
-            warning = f"{sentence!r}: this model cannot {_wording(kind)} yet, it stands still; {self._offer(likeness)}"
-            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
+            unoffered = self._unoffered(kind)
+            warning = f"{sentence!r}: {unoffered}, it stands still; {self._offer(likeness)}"
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind, unoffered=unoffered)
         # Standing has one manner.
         manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)
         return replace(self.meaning(kind), likeness=best, share=share, manner=manner, dropped=dropped)
@@ -174,6 +185,15 @@ class PromptReader:
     def is_word(self, word: str) -> bool:
         """Whether a word in lower case is one of the encoder's vocabulary as a whole."""
         return self._encode.pieces.is_word(word)
+
+    def _robot_offers(self, kind: str) -> bool:
+        return kind == STAND or self._robot is None or self._robot.offers(kind)
+
+    def _unoffered(self, kind: str) -> str:
+        """Who does not do a kind of motion that is not offered, in words."""
+        if self._robot is None or kind not in self._modelled:
+            return f"this model cannot {_wording(kind)} yet"
+        return f"robot {self._robot.robot} cannot {_wording(kind)} ({self._robot.figure(kind)})"
 
     def _respelled(self, sentence: str) -> str | None:
         """What a sentence with misspelt words may mean, to be suggested; never done by itself."""
@@ -195,7 +215,8 @@ class PromptReader:
         said = [meant] if meant is not None else [_wording(kind) for kind in tries[:TRIES]]
         told = f"it can: {_names(self.offered[:NAMED])}"
         if len(self.offered) > NAMED:
-            told += f", … ({LISTS} lists all {len(self.offered)})"
+            lists = LISTS if self._robot is None else f"{LISTS} --robot {self._robot.place}"
+            told += f", … ({lists} lists all {len(self.offered)})"
         return f"try: {', '.join(said)}; {told}" if said else told
 
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:

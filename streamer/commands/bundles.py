@@ -11,11 +11,16 @@ from flexmotion.streamer.commands.output import print_json, print_result
 
 if TYPE_CHECKING:
     from flexmotion.bundles.bundle import Bundle
+    from flexmotion.configs.repertoire import RobotRepertoire
 
 
 def bundles(
     bundle: Annotated[
         str | None, typer.Argument(metavar="NAME|DIR", help="This one alone, or one in a folder.", show_default=False)
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", help="Only kinds of motion that this robot does too.", show_default=False),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -27,14 +32,18 @@ def bundles(
 
       flexmotion bundles my-bundle
 
+      flexmotion bundles --robot op3
+
       flexmotion dry-run --bundle default --prompt "walk"
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.bundles.shipped import bundle_folder, shipped_bundles
+    from flexmotion.configs.robot import load_robot
 
+    repertoire = None if robot is None else load_robot(robot).repertoire
     folders = shipped_bundles() if bundle is None else {bundle: bundle_folder(bundle)}
-    found = {name: _summary(Bundle(folder)) for name, folder in folders.items()}
+    found = {name: _summary(Bundle(folder), repertoire) for name, folder in folders.items()}
     if as_json:
         print_json([{"name": name, **summary} for name, summary in found.items()])
         return
@@ -50,7 +59,7 @@ def bundles(
         print_result(f"  licence: {summary['licence']}")
 
 
-def _summary(bundle: Bundle) -> dict[str, Any]:
+def _summary(bundle: Bundle, repertoire: RobotRepertoire | None) -> dict[str, Any]:
     from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 
     manifest = bundle.manifest
@@ -60,7 +69,7 @@ def _summary(bundle: Bundle) -> dict[str, Any]:
         "folder": str(bundle.folder),
         "hash": bundle.hash,
         "licence": manifest.licence,
-        "kinds": list(offered_kinds(bundle)),
+        "kinds": list(offered_kinds(bundle, repertoire)),
         "manners": list(offered_manners(bundle)),
         "persons": list(bundle.personal),
     }

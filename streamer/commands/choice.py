@@ -109,8 +109,8 @@ def choose_source(
         return source
     if lacks := [one.asked for one in source.heard_items if one.state == "refused"]:
         raise typer.BadParameter(
-            f"the built-in script asks for {', '.join(map(repr, lacks))}, which bundle {source.sampler.name} does not "
-            "offer: give --prompt or --script (`flexmotion bundles` lists what it does)"
+            f"the built-in script asks for {', '.join(map(repr, lacks))}, which bundle {source.sampler.name} at robot "
+            f"{robot.name} does not offer: give --prompt or --script (`flexmotion bundles` lists what it does)"
         )
     return source
 

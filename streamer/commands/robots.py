@@ -73,7 +73,8 @@ def show(
         else:
             print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
-            told = [_pace(chosen), _scale(chosen), _get_up(chosen), *(f"Warning: {one}" for one in warnings)]
+            told = [_pace(chosen), _scale(chosen), _get_up(chosen), _kinds(chosen)]
+            told += [f"Warning: {one}" for one in warnings]
             print_result("\n".join(["", *told]))
         return
     shipped = [load_robot(name) for name in list_robots()]
@@ -124,7 +125,11 @@ def _detail(robot: Robot) -> dict[str, Any]:
     if pace is not None:
         speeds = {f"{name}_{'rad' if name == 'turning' else 'm'}_s": speed for name, speed in pace if speed is not None}
     get_up = {"sides": list(robot.get_up.steps), "unfit": dict(robot.get_up.unfit)}
-    return _summary(robot) | {"pace": speeds, "gets_up": get_up, "joint_list": joints}
+    own = robot.repertoire
+    kinds = None
+    if own is not None:
+        kinds = {kind: {**found.model_dump(), "offered": found.passed} for kind, found in own.kinds.items()}
+    return _summary(robot) | {"pace": speeds, "gets_up": get_up, "kinds": kinds, "joint_list": joints}
 
 
 def _pace(robot: Robot) -> str:
@@ -154,6 +159,18 @@ def _get_up(robot: Robot) -> str:
     sides, unfit = robot.get_up.steps, robot.get_up.unfit
     told = [f"Gets up on request from its {' and '.join(sides)}" if sides else "Does not get up after a fall"]
     return "\n".join(told + [f"Does not get up from its {side}: {reason}" for side, reason in unfit.items()])
+
+
+def _kinds(robot: Robot) -> str:
+    own = robot.repertoire
+    if own is None:
+        return "Not judged which kinds of motion it does: all are offered (python -m benchmarks robot/kinds --write)"
+    done = sum(found.passed for found in own.kinds.values())
+    told = (
+        f"Does {done} of {len(own.kinds)} kinds of motion as judged; flexmotion bundles --robot {own.place} lists them"
+    )
+    refused = [f"{kind} ({own.figure(kind)})" for kind, found in own.kinds.items() if not found.passed]
+    return "\n".join([told, *([f"Refuses by name: {'; '.join(refused)}"] if refused else [])])
 
 
 def _joints(robot: Robot) -> Table:

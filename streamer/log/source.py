@@ -11,6 +11,9 @@ from typing import Any
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import DEFAULT, bundle_folder, shipped_bundle, shipped_name
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.judged import Judged
+from flexmotion.configs.repertoire import RobotRepertoire
+from flexmotion.configs.schema import parse
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.sampling.pace import Pace
@@ -97,7 +100,12 @@ def _bundle_parts(sampler: Sampler) -> Parts:
     bundle = sampler.bundle
     shipped = shipped_name(bundle.folder)
     name = None if shipped == DEFAULT else shipped or str(bundle.folder.resolve())
-    return {"bundle": name, "hash": bundle.hash, "balanced": sampler.balanced}
+    parts: Parts = {"bundle": name, "hash": bundle.hash, "balanced": sampler.balanced}
+    robot = sampler.robot
+    if robot is not None:
+        kinds = {kind: judged.model_dump() for kind, judged in robot.kinds.items()}
+        parts["repertoire"] = {"robot": robot.robot, "place": robot.place, "kinds": kinds}
+    return parts
 
 
 def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
@@ -115,7 +123,16 @@ def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
 
 def _unpack_sampler(parts: Parts, origin: Path) -> Sampler:
     # Earlier versions sampled windows as planted, with the forces of the decoder.
-    return Sampler(_unpack_bundle(parts, origin), balanced=parts.get("balanced", False))
+    balanced, robot = parts.get("balanced", False), _unpack_repertoire(parts.get("repertoire"), origin)
+    return Sampler(_unpack_bundle(parts, origin), balanced=balanced, robot=robot)
+
+
+def _unpack_repertoire(parts: Parts | None, origin: Path) -> RobotRepertoire | None:
+    """What the robot of the run was judged to do; None: it was not, or an earlier version did not ask."""
+    if parts is None:
+        return None
+    kinds = {kind: parse(Judged, judged, f"{origin}: source repertoire") for kind, judged in parts["kinds"].items()}
+    return RobotRepertoire(parts["robot"], parts["place"], kinds)
 
 
 def _unpack_model(parts: Parts, files: Mapping[str, bytes], origin: Path) -> ModelSource:

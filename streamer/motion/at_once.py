@@ -77,8 +77,10 @@ def _with_phrases(clause: Clause, model: Model) -> Clause:
             continue
         other = asked[0] if not others else replace(asked[0], dropped=(*asked[0].dropped, others))
         heard = model.prompt(other.text)
-        if heard.share < SURE or (is_posture(phrase) and not is_pose(heard.kind)):
+        if heard.share < SURE or (is_posture(phrase) and not is_pose(heard.refused or heard.kind)):
             continue
+        if heard.unoffered is not None:
+            return replace(clause, notes=(*clause.notes, f"{phrase!r} is left out: {heard.unoffered}"))
         if limbs(heard.kind) == frozenset(["leg"]) and not _is_walk(other.text):
             continue  # "wave while telling him to walk"
         both = _both(clause, replace(other, joint=clause.joint), model)

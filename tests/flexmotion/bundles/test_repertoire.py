@@ -8,10 +8,11 @@ from shutil import copytree
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import MANIFEST, Judged, write_manifest
+from flexmotion.bundles.manifest import MANIFEST, write_manifest
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners, write_judged
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.judged import Judged
 from flexmotion.sampling.sampler import Sampler
 
 

@@ -14,9 +14,10 @@ pytest.importorskip("torch", reason="training needs the extra 'train'")
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.card import CARD
-from flexmotion.bundles.manifest import Judged, equivalent_hashes
+from flexmotion.bundles.manifest import equivalent_hashes
 from flexmotion.bundles.repertoire import offered_kinds, offered_manners, write_judged
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.judged import Judged
 from flexmotion.features.constraints import Constraints
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler

@@ -1,0 +1,93 @@
+"""Which kinds of motion a robot was judged to do: figures of `benchmarks/robot/kinds.py`, in `repertoire.yaml`.
+
+The file lies beside the robot file. A robot without it was never judged, and is offered every kind. A robot that was
+judged is offered what passed; as of a bundle, what no judge has seen is not offered either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from flexmotion.configs.judged import Judged
+from flexmotion.configs.robot_file import Name
+from flexmotion.configs.schema import Strict, load, store
+from flexmotion.configs.versions import FormatVersions
+
+if TYPE_CHECKING:
+    from flexmotion.configs.robot import Robot
+
+FILE = "repertoire.yaml"
+JUDGE = "benchmarks robot/kinds"
+"""What writes the file: `python -m`."""
+
+_VERSIONS = FormatVersions(
+    kind="repertoire", oldest=1, newest=1, migration=f"judge the robot again: python -m {JUDGE} --write"
+)
+
+
+class RepertoireFile(Strict):
+    """The whole file.
+
+    Attributes:
+        version: of the file format.
+        kinds: figures by kind of motion, as bundles name them.
+    """
+
+    version: int = 1
+    kinds: dict[Name, Judged] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class RobotRepertoire:
+    """What one robot was judged to do.
+
+    Attributes:
+        robot: its name.
+        place: what commands call it: the name of a shipped robot, or the folder of another.
+        kinds: figures by kind of motion.
+    """
+
+    robot: str
+    place: str
+    kinds: Mapping[str, Judged]
+
+    def offers(self, kind: str) -> bool:
+        """Whether the robot passed the judge of a kind of motion."""
+        return kind in self.kinds and self.kinds[kind].passed
+
+    def figure(self, kind: str) -> str:
+        """What was found of a kind of motion, in words."""
+        found = self.kinds.get(kind)
+        if found is None:
+            return f"not judged: python -m {JUDGE}"
+        done = round(found.share * found.samples)
+        return f"{found.judge}: {done} of {found.samples} runs did, {100 * found.least:.0f} % pass"
+
+
+def read_repertoire(robot: Robot, place: str) -> RobotRepertoire | None:
+    """The repertoire of a robot; None where there is no file. `place`: see `RobotRepertoire`.
+
+    Raises:
+        ConfigError: the file is malformed; it names file and field.
+    """
+    file = robot.folder / FILE
+    if not file.is_file():
+        return None
+    content = load(RepertoireFile, file)
+    _VERSIONS.check(content.version, file)
+    return RobotRepertoire(robot.name, place, content.kinds)
+
+
+def write_repertoire(robot: Robot, kinds: Mapping[str, Judged]) -> Path:
+    """Write figures into a robot's folder; those of other kinds stay.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    before = {} if robot.repertoire is None else robot.repertoire.kinds
+    return store(RepertoireFile(kinds={**before, **kinds}), robot.folder / FILE)

@@ -1,0 +1,158 @@
+"""A robot that was judged does what it passed, and refuses every other kind of motion by name, however it is asked."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.repertoire import offered_kinds
+from flexmotion.configs.judged import Judged
+from flexmotion.configs.repertoire import FILE, RobotRepertoire
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer import api
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.log.source import pack, unpack
+from flexmotion.streamer.motion.hearing import Hearing
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+
+TILT = "tilt your head to the right"
+REFUSED = "robot op3 cannot tilt your head to the right (robot/kinds: 0 of 5 runs did, 80 % pass)"
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def source(op3: Robot) -> ModelSource:
+    found = api.open_source(op3, Text("stand still"))
+    assert isinstance(found, ModelSource)
+    return found
+
+
+@pytest.fixture(scope="module")
+def hearing(op3: Robot, source: ModelSource) -> Hearing:
+    return Hearing(source.sampler, human_pace(op3, source.body))
+
+
+@pytest.mark.parametrize(
+    "say",
+    [
+        TILT,
+        "tilt your head twice to the right",
+        "wave, then tilt your head to the right",
+        "tilt your head to the right, then wave",
+        "tilt your head to the right while waving",
+        "walk two metres and tilt your head to the right at the same time",
+    ],
+)
+def test_a_tilt_of_the_head_is_refused_by_a_robot_that_cannot(hearing: Hearing, say: str) -> None:
+    """A tilt of OP3's head, which has no joint for it, was accepted and PASS, and ran to its limit if counted."""
+    heard = hearing(Text(say)).heard
+    assert heard.state == "refused" and REFUSED in str(heard.reason) and "stands still" in str(heard.reason)
+
+
+def test_what_a_robot_cannot_is_refused_beside_a_walk_that_is_under_way(hearing: Hearing) -> None:
+    walk = hearing(Text("walk forward"))
+    heard = hearing(Text("tilt your head to the right meanwhile"), walk, walk).heard
+    assert heard.state == "refused" and REFUSED in str(heard.reason)
+
+
+def test_a_refusal_says_what_bundle_and_robot_offer_together(source: ModelSource, op3: Robot) -> None:
+    offered = source.sampler.requests.kinds
+    assert offered == offered_kinds(source.sampler.bundle, op3.repertoire)
+    assert set(offered_kinds(source.sampler.bundle)) - set(offered) == {"tilt-head-right", "tilt-head-left"}
+    told = str(source.sampler.prompt(TILT).warning)
+    assert told.endswith(f", … (flexmotion bundles --robot op3 lists all {len(offered)})")
+    assert "tilt" not in told.partition("; try: ")[2] and source.sampler.prompt(TILT).refused == "tilt-head-right"
+
+
+@pytest.mark.parametrize(
+    ("say", "left_out", "who"),
+    [
+        ("walk while tilting your head to the right", "while tilting your head to the right", REFUSED),
+        ("walk with your head tilted to the right", "with your head tilted to the right", REFUSED),
+        ("walk two metres while tilting your head right, then bow", "while tilting your head right", REFUSED),
+        ("walk while kicking", "while kicking", "this model cannot kick yet"),
+    ],
+)
+def test_what_is_left_out_beside_a_walk_is_told_with_who_cannot_do_it(
+    hearing: Hearing, say: str, left_out: str, who: str
+) -> None:
+    """A tilt of OP3's head beside a walk was told as done; a kick beside it was left out, and nobody said why."""
+    heard = hearing(Text(say)).heard
+    assert heard.state == "partly" and heard.dropped == (left_out,)
+    assert f"{left_out!r} is left out: {who}" in heard.notes
+
+
+def test_what_the_model_cannot_is_refused_as_the_models(source: ModelSource) -> None:
+    assert "this model cannot kick yet" in str(source.sampler.prompt("kick").warning)
+
+
+def test_a_kind_that_no_judge_saw_at_a_judged_robot_is_not_offered(bundle: Path) -> None:
+    passed = Judged(judge="robot/kinds", samples=5, share=1.0, least=0.8)
+    mine = RobotRepertoire("mine", "/robots/mine", {"walk": passed, "bow": passed.model_copy(update={"share": 0.2})})
+    sampler = Sampler(Bundle(bundle), robot=mine)
+    assert sampler.requests.kinds == ("stand", "walk")
+    told = {say: str(sampler.prompt(say).warning) for say in ("nod", "bow")}
+    assert "robot mine cannot nod (not judged: python -m benchmarks robot/kinds), it stands still" in told["nod"]
+    assert "robot mine cannot bow (robot/kinds: 1 of 5 runs did, 80 % pass), it stands still" in told["bow"]
+
+
+def test_a_robot_that_was_never_judged_is_offered_all(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    (folder / FILE).unlink()
+    found = api.open_source(load_robot(folder), Text(TILT))
+    assert isinstance(found, ModelSource) and found.heard_items[0].heard_as == "tilt-head-right"
+    assert found.sampler.requests.kinds == offered_kinds(found.sampler.bundle)
+
+
+def test_a_live_target_that_the_robot_cannot_do_is_refused_and_nothing_moves(op3: Robot) -> None:
+    with api.open_session(op3, source=api.open_source(op3, Text("stand still"))) as session:
+        session.advance(2.5)
+        target = session.send(Text("tilt your head twice to the right"))
+        session.advance(0.5)
+        (heard,) = [one for one in session.heard if one.id == target.id]
+        assert heard.state == "refused" and REFUSED in str(heard.reason)
+
+
+def test_a_dry_run_of_what_the_robot_cannot_do_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    """A tilt of the head was PASS with likeness 100 %."""
+    assert execute(["dry-run", "--prompt", TILT, "--seconds", "0.5", "--json"]) == 1
+    (heard,) = json.loads(capsys.readouterr().out)["targets"]
+    assert heard["state"] == "refused" and REFUSED in heard["reason"]
+
+
+def test_a_replay_refuses_what_the_robot_of_the_run_could_not(source: ModelSource) -> None:
+    parts, files = pack(source)
+    again, former = (unpack(json.loads(json.dumps(one)), files, Path("log")) for one in (parts, _before(parts)))
+    assert isinstance(again, ModelSource) and isinstance(former, ModelSource)
+    assert again.sampler.prompt(TILT).warning == source.sampler.prompt(TILT).warning
+    assert former.sampler.prompt(TILT).kind == "tilt-head-right"
+
+
+def _before(parts: dict[str, object]) -> dict[str, object]:
+    """The parts of a log of an earlier version."""
+    return {name: value for name, value in parts.items() if name != "repertoire"}
+
+
+def test_commands_show_what_a_robot_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["robots", "op3"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "Does 50 of 52 kinds of motion as judged; flexmotion bundles --robot op3 lists them" in told
+    assert "Refuses by name: tilt-head-right (robot/kinds: 0 of 5 runs did, 80 % pass); tilt-head-left (" in told
+    assert execute(["robots", "op3", "--json"]) == 0
+    kinds = json.loads(capsys.readouterr().out)["kinds"]
+    assert kinds["walk"]["offered"] is True and kinds["tilt-head-left"]["offered"] is False
+    for robot, tilts in (([], True), (["--robot", "op3"], False)):
+        assert execute(["bundles", "default", *robot, "--json"]) == 0
+        (found,) = json.loads(capsys.readouterr().out)
+        assert ("tilt-head-left" in found["kinds"]) is tilts and "walk" in found["kinds"]
