@@ -18,7 +18,7 @@ Over feet that stay, a body falls away from a zero-moment point that is just kep
 Of windows that end standing, the capture point x + ẋ/ω at the end is therefore kept inside as well, at the cost of
 frames before (N. Scianca et al., "MPC for humanoid gait generation: stability and feasibility", IEEE Trans. Robotics
 36(4), 2020: the boundedness condition). A body that walks keeps its mean velocity v after the window: x + (ẋ - v)/ω is
-led to the middle of its feet. That of people is up to .2 m ahead of it and .1 m behind (25 walks at 1.2 m/s).
+led to where that of people is beside the middle of their feet (`walking.py`).
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def horizontal_shift(
         capture = _capture(needs.fps, frequency, len(needs.root))
         ends, region = capture @ needs.centre[:, :2], bounds[-2:-1] - margin
         if walks is not None:
-            ends, region = ends - walks.velocity / frequency, (walks.middle @ OUTWARD)[None]
+            ends, region = ends - walks.velocity / frequency, (walks.place @ OUTWARD)[None]
         elif stays is not None:
             # The last frame has no zero-moment point of its own, nor a region that was judged.
             capture[0, -1] -= 1.0 - stays[-2]

@@ -38,7 +38,7 @@ MOST_SWING = 0.2
 FARTHEST = np.pi - 0.3
 """A window is asked to turn by no more than this: further on, the other way round is nearer [rad]."""
 
-CATCHING_UP, FASTER = 0.5, 1.0
+CATCHING_UP, FASTER = 0.2, 1.0
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
 
 RETURNED, FASTEST_RETURN = 2.0, 0.1
@@ -127,12 +127,13 @@ class Course:
         anchor = Anchor.after(past)
         turn = wrapped(float(led[-1]) - anchor.yaw) - error + made_up + rate * window * (1 - END / 2) + swing
         asked = (request.constraints or free).mean_heading(float(np.clip(turn, -FARTHEST, FARTHEST)))
-        more, moves = np.zeros(2), True
+        more = np.zeros(2)
         if direction is None:
             course, more = course._back(measured, window)
             # Near its place a gesture is asked for no velocity: it would hold the pelvis.
             moves = not rate and (own is not None or float(np.hypot(*more)) > RETURNED * NEAR / window)
         else:
+            moves = not rate or request.velocity is not None  # words of turning turn by themselves
             if way is not None:
                 course, place = course._onward(measured, frames, past.fps)
                 asked = asked.mean_place(_seen_from(anchor, place))

@@ -66,7 +66,7 @@ def test_a_body_that_walks_on_ends_over_the_middle_of_its_feet_at_its_speed(spee
     # A walk whose end was left free, or whose shift was to end there, ran away in one of five seeds: asked for .3 m/s
     # it went 5.5 m in 8 s.
     needs, bounds = standing_beside()
-    walks = Walks(velocity=np.array([speed, 0.0]), middle=np.zeros(2))
+    walks = Walks(velocity=np.array([speed, 0.0]), place=np.zeros(2))
     shift = horizontal_shift(needs, bounds, np.ones(FRAMES), walks=walks)[:, 0]
     velocity = (shift[-1] - shift[-4]) * FPS / 3
     assert BESIDE + shift[-1] + (velocity - speed) * np.sqrt(HEIGHT / GRAVITY) == pytest.approx(0.0, abs=0.01)
