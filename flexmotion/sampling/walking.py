@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 
 AHEAD = 0.0125
 """How far its capture point is to be ahead of the middle of its feet, over the square of its speed [s²/m]. That of
-people is twice as far: 4 cm in the mean of 85 walks and curves at 1.2 m/s, 23 cm of 40 runs at 3 m/s (docs/decisions.md)."""
+people is twice as far: 4 cm in the mean of 85 walks and curves at 1.2 m/s, 23 cm of 40 runs at 3 m/s."""
 
 
 @dataclass(frozen=True)
