@@ -96,6 +96,9 @@ def step_widths(human: HumanKinematics, fps: float) -> Float:
     way = place[np.minimum(landed + half, len(place) - 1)] - place[np.maximum(landed - half, 0)]
     apart = (human.ankle[:, 0] - human.ankle[:, 1])[landed, :2]
     length = np.linalg.norm(way, axis=-1)
-    across = way[:, 0] * apart[:, 1] - way[:, 1] * apart[:, 0]
+    facing = human.pelvis_rotation[landed, :2, 0]
+    # Of a body that goes backward the left foot is to the right of its way.
+    along = np.sign((way * facing).sum(axis=1))
+    across = along * (way[:, 0] * apart[:, 1] - way[:, 1] * apart[:, 0])
     widths: Float = across[length > SHORTEST] / length[length > SHORTEST]
     return widths

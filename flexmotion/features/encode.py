@@ -137,11 +137,12 @@ def _before(signal: Float) -> Float:
 
 
 def _backward(signal: Float, fps: float) -> Float:
-    """Backward difference [signal/s]; of the first frame that of the second."""
+    """Backward difference [signal/s]; of the first frame that of the second, of a single frame zero."""
     difference = np.zeros_like(signal)
     np.subtract(signal[1:], signal[:-1], out=difference[1:])
     difference *= fps
-    difference[:1] = difference[1:2]
+    if len(signal) > 1:
+        difference[0] = difference[1]
     return difference
 
 

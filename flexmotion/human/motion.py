@@ -70,17 +70,16 @@ class Motion:
     pressure_centres: Float | None = None
 
     def __post_init__(self) -> None:
-        self._check(self.__dict__)
+        self._check(self.__dict__, len(self))
 
-    def _check(self, names: Iterable[str]) -> None:
-        """Raise `ValueError` where a field of these is of another shape than the motion's, or not finite."""
-        frames = len(self)
+    def _check(self, names: Iterable[str], frames: int) -> None:
+        """Raise `ValueError` where a field of these is not of so many frames or of another shape, or not finite."""
         for name in names:
             value, shape = getattr(self, name), _SHAPES.get(name)
             if shape is None or (value is None and name in DYNAMIC):
                 continue
-            if value.shape != (frames, *shape):
-                raise ValueError(f"Motion.{name} has shape {value.shape}, expected {(frames, *shape)}")
+            if np.shape(value) != (frames, *shape):
+                raise ValueError(f"Motion.{name} has shape {np.shape(value)}, expected {(frames, *shape)}")
             if value.dtype != np.bool_ and not np.isfinite(value).all():
                 raise ValueError(f"Motion.{name} has NaN or infinite values")
         if self.activations is not None and len(self.activations) != frames:
@@ -89,7 +88,7 @@ class Motion:
             raise ValueError(f"Motion.fps is {self.fps}, expected a positive number")
 
     def changed(self, **fields: Any) -> Motion:
-        """The motion with other values of some fields, of as many frames; what is left was checked when it was made.
+        """The motion with other values of some fields; what is left was checked when it was made.
 
         `dataclasses.replace` takes five times as long.
 
@@ -102,7 +101,10 @@ class Motion:
             raise TypeError(f"Motion has no {', '.join(sorted(unknown))}, expected some of {', '.join(self.__dict__)}")
         found = object.__new__(Motion)
         found.__dict__.update(self.__dict__ | fields)
-        found._check(fields)
+        position = fields.get("root_position")
+        frames = len(self) if position is None else len(position)
+        # Of another number of frames, every field must be.
+        found._check(fields if frames == len(self) else found.__dict__, frames)
         return found
 
     def __len__(self) -> int:

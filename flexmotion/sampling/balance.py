@@ -211,7 +211,9 @@ def horizontal_shift(
     if (given != point).any():
         weighted = moved.T * weight
         # Positive definite as the sum of squares that it is.
-        _, solved, _ = dposv(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
+        _, solved, failed = dposv(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
+        if failed:
+            raise np.linalg.LinAlgError("the balance of a window has no solution: its motion is not finite")
         first, gain = solved[:, :2], np.ascontiguousarray(solved[:, 2:])
         answer = moved @ gain
         centred, left = base + moved @ first - answer @ base, np.zeros_like(point)

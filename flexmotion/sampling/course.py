@@ -38,7 +38,7 @@ MOST_SWING = 0.2
 FARTHEST = np.pi - 0.3
 """A window is asked to turn by no more than this: further on, the other way round is nearer [rad]."""
 
-CATCHING_UP, FASTER = 0.2, 1.0
+CATCHING_UP, FASTER = 0.2, 0.4
 """Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
 
 RETURNED, FASTEST_RETURN = 2.0, 0.1

@@ -49,6 +49,15 @@ ARRIVING = 4
 UPRIGHT = np.radians(0.1)
 """A pelvis that leans by less than this [rad] is upright."""
 
+RUNS = 2.0
+"""People run rather than walk from this speed on [m/s]: half of gravity's at the length of a leg (Froude number .5)."""
+
+GLIDES = 0.5
+"""Feet of which the slowest end is faster than this glide [m/s]."""
+
+HELD = 0.15
+"""Legs hold feet against a shift of the body by no more than this [m]."""
+
 BRAKES = 1.25
 """A body that is slower or faster in a window than it arrives, by this [m/s], is not held by its feet: its capture
 point is .4 m beside where they want it."""
@@ -108,17 +117,14 @@ class Draft:
     def joined(self, found: Float32) -> Float32:
         """Decoded features that continue the history, (W, F).
 
-        Those of balanced windows are low-passed, and legs of a body that walks end at their ankles' places there,
-        where nothing is asked of frames. Legs of runs are left: places of their ankles are 2.5 cm farther apart than
-        people's, ends of their joints are not.
+        Those of balanced windows are low-passed, and legs of a body that travels end at their ankles' places there,
+        where nothing is asked of frames.
         """
         features = inertialised(found, self.remembered, self.layout)
         if not self.balanced:
             return features
         features = steadied(features, self.remembered, self.layout, self.cutoff)
-        grounded = (features[:, self.layout.blocks["contacts"]] > 0.5).any(axis=1).all()
-        walks = self._free and not self.on_the_spot and grounded
-        return placed(features, self.layout, self.body) if walks else features
+        return placed(features, self.layout, self.body) if self._free and not self.on_the_spot else features
 
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
@@ -235,7 +241,9 @@ class Draft:
         """A planted window of a walk as it is handed on; its feet keep their paths under the body."""
 
         def finish(window: Motion, segments: SegmentMotion) -> Motion:
-            back = np.repeat((motion.root_position - window.root_position)[:, None], len(SIDES), axis=1)
+            back = motion.root_position - window.root_position
+            back *= np.minimum(1.0, HELD / np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9))
+            back = np.repeat(back[:, None], len(SIDES), axis=1)
             return smoothly_shifted(window, back, self.anchor.joints)
 
         stays = np.ones((len(motion), len(SIDES)), np.bool_)
@@ -251,14 +259,24 @@ class Draft:
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)
 
     def _walks(self, motion: Motion) -> bool:
-        """Whether the body walks or runs, and nothing is asked of single frames.
+        """Whether the body walks, makes no gesture beside it, and nothing is asked of single frames.
 
-        A body that is to stop within a step from a run is not held by its legs.
+        Runs are balanced with their feet: their legs would be held to the end of their reach. So are walks with a
+        gesture of another human, whose arms the walk does not know: balanced over their feet they went ever faster.
         """
-        if motion.wrenches is None or motion.contacts is None or self.still is not None or not self._free:
+        if motion.wrenches is None or motion.contacts is None or self.still is not None:
             return False
-        changes = abs(self._arrived - self._way(motion) * motion.fps / len(motion))
-        return changes < BRAKES
+        if not self._free or self.beside is not None or self._glides:
+            return False
+        goes = self._way(motion) * motion.fps / len(motion)
+        return max(self._arrived, goes) < RUNS and abs(self._arrived - goes) < BRAKES
+
+    @cached_property
+    def _glides(self) -> bool:
+        """Whether the feet slide on as the body comes into the window: after a run that is to stop, no leg holds it."""
+        last = foot_points(self.history[max(0, len(self.history) - ARRIVING) :])[..., :2]
+        speed = np.linalg.norm(np.diff(last, axis=0), axis=-1) * self.history.fps
+        return bool(len(speed) and speed.min(axis=(1, 2)).mean() > GLIDES)
 
     def _way(self, motion: Motion) -> float:
         """How far the body goes from the frame before the window to its end, along the floor [m]."""

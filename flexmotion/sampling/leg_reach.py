@@ -12,6 +12,7 @@ from scipy.ndimage import convolve1d
 
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
 from flexmotion.human.body import Body
+from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import cross, unit
@@ -23,7 +24,7 @@ Float = NDArray[np.float64]
 TILTS = 3
 """Times that a leg is solved for its sole, which tilts with it: moved by .1 m it is 17 mm off, then 3, then .5."""
 AHEAD = np.array([1.0, 0.0, 0.0])
-SMOOTH = np.array([0.25, 0.5, 0.25])
+SMOOTH = np.array([1, 2, 3, 2, 1]) / 9.0
 """Filter over frames, of changes of a leg's angles."""
 
 HIP_BALLS = [[ball[0] for ball in BALLS].index(f"hip_flexion_{side}") for side in SIDES]
@@ -85,8 +86,14 @@ def smoothly_shifted(motion: Motion, by: Float, before: Float) -> Motion:
     """
     change = shifted(motion, by, before).joints - motion.joints
     change -= 2 * np.pi * np.round(change / (2 * np.pi))  # other turns of the same hip
-    smooth = convolve1d(np.concatenate([np.zeros_like(change[:1]), change]), SMOOTH, axis=0, mode="nearest")[1:]
-    return motion.changed(joints=motion.joints + smooth)
+    # It begins from none and goes on at its speed: windows follow each other without a jump of that.
+    more = len(SMOOTH) // 2
+    ahead = 2.0 * change[-1:] - change[-1 - more : -1][::-1]
+    whole = np.concatenate([np.zeros((more, change.shape[1])), change, ahead])
+    smooth = convolve1d(whole, SMOOTH, axis=0, mode="nearest")[more : more + len(change)]
+    low, high = joint_limits().T
+    joints = np.clip(motion.joints + smooth, np.minimum(low, motion.joints), np.maximum(high, motion.joints))
+    return motion.changed(joints=joints)
 
 
 def leg(body: Body, knees: Float) -> Float:

@@ -137,3 +137,6 @@ def test_a_pelvis_that_is_turned_makes_no_step_wider() -> None:
     assert len(own) > 3
     np.testing.assert_array_equal(step_widths(turned, default_clip().fps), own)
     assert 0.03 < np.median(own) < 0.2
+    # Who walks backward has the left foot to the right of its way: its steps were as wide, below zero.
+    behind = replace(human, pelvis_rotation=np.diag([-1.0, -1.0, 1.0]) @ human.pelvis_rotation)
+    np.testing.assert_allclose(step_widths(behind, default_clip().fps), -own)

@@ -35,3 +35,11 @@ def test_what_is_changed_is_checked(clip: Motion, changed: dict[str, object], er
 def test_fields_that_a_motion_lacks_are_refused(clip: Motion) -> None:
     with pytest.raises(TypeError, match="Motion has no angles, expected some of fps, root_position"):
         clip.changed(angles=clip.joints)
+
+
+def test_a_motion_of_another_length_is_checked_whole(clip: Motion) -> None:
+    """A root of 99 frames beside joints of 8 was accepted: what had changed was checked against its own length."""
+    with pytest.raises(ValueError, match=r"has shape \(8, 4\), expected \(99, 4\)"):
+        clip[:8].kinematics.changed(root_position=np.zeros((99, 3)))
+    with pytest.raises(ValueError, match="root_position has shape"):
+        clip[:8].changed(root_position=None)
