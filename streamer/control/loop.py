@@ -17,6 +17,7 @@ from flexmotion.streamer.control.foot_strikes import FootStrikes
 from flexmotion.streamer.control.get_up_move import GetUpMove
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
+from flexmotion.streamer.control.heel_strike import HeelStrike
 from flexmotion.streamer.control.joint_torque import JointTorque
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
@@ -103,6 +104,7 @@ class ControlLoop:
         self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.level = SwingLevel(robot, retargeter, enabled=feedback)
+        self.heel = HeelStrike(robot, retargeter, enabled=feedback)
         self.correction = PushCorrection(robot, enabled=feedback)
         self.offset, self.offset_speed = np.zeros(robot.n), np.zeros(robot.n)
         self.strikes = FootStrikes(robot, driver.delay_s)
@@ -461,9 +463,14 @@ class ControlLoop:
         self.correction.update(
             self.estimator, self.now, hung=hung, measured=believed and int(measured.stale.max()) < self.driver.turns
         )
-        self.level.update(self.estimator, self.now, hung=hung)
+        levels = self.level.update(self.estimator, self.now, hung=hung)
+        self.heel.update(
+            self.estimator, self.now, measured=believed and not (levels or self.correction.acts), hung=hung
+        )
         np.add(self.level.offset, self.correction.offset, out=self.offset)
         np.add(self.level.speed, self.correction.speed, out=self.offset_speed)
+        self.offset += self.heel.offset
+        self.offset_speed += self.heel.speed
         self.ahead.q += self.offset
         self.ahead.qd += self.offset_speed
 
@@ -471,6 +478,7 @@ class ControlLoop:
         """What plays is no plan: nothing answers beside it, and no joint is expected to move on by an answer."""
         self.level.reset()
         self.correction.reset()
+        self.heel.reset()
         self.offset[:] = self.offset_speed[:] = 0.0
 
     def _torque(self) -> Float:
