@@ -6,6 +6,7 @@ judged is offered what passed; as of a bundle, what no judge has seen is not off
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,10 +74,12 @@ def read_repertoire(robot: Robot, place: str) -> RobotRepertoire | None:
     """The repertoire of a robot; None where there is no file. `place`: see `RobotRepertoire`.
 
     Raises:
-        ConfigError: the file is malformed; it names file and field.
+        ConfigError: the file is malformed, or there is something of its name that cannot be read; it names the file,
+            and the field.
     """
     file = robot.folder / FILE
-    if not file.is_file():
+    # A link to nowhere, or a folder, is no robot that was never judged: that would be offered every kind.
+    if not os.path.lexists(file):
         return None
     content = load(RepertoireFile, file)
     _VERSIONS.check(content.version, file)

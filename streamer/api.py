@@ -85,7 +85,7 @@ def open_sampler(
     steps: int | None = None,
     *,
     balanced: bool = False,
-    robot: Robot | None = None,
+    robot: Robot | str | Path | None = None,
 ) -> Sampler:
     """The model of a bundle, ready to sample human motion; see `open_bundle`.
 
@@ -93,10 +93,19 @@ def open_sampler(
         steps: of the diffusion; None: the bundle's default.
         balanced: with forces that belong to the motion, whose path is shifted for them. Robots follow motion without
             it: with it they fell more often when targets change within a second.
-        robot: that follows; what it was judged not to do is refused by name. None: no robot does.
+        robot: that follows, from `open_robot`, or its name or folder; None: none does. A sample of words for what it
+            was judged not to do stands still, as one of words that are not understood; `Sampler.prompt(text).warning`
+            says why, by name. A session refuses such words.
+
+    Raises:
+        ConfigError: there is no such bundle or robot, or the number of steps is out of range.
     """
-    repertoire = None if robot is None else robot.repertoire
+    repertoire = None if robot is None else _opened(robot).repertoire
     return Sampler(open_bundle(folder), steps, balanced=balanced, robot=repertoire)
+
+
+def _opened(robot: Robot | str | Path) -> Robot:
+    return robot if isinstance(robot, Robot) else open_robot(robot)
 
 
 def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
@@ -256,7 +265,7 @@ def open_session(
         RetargetError: the robot's legs cannot be solved, or the settings make plans too short for its steps.
         MotionFormatError: a clip cannot be read.
     """
-    robot = robot if isinstance(robot, Robot) else open_robot(robot)
+    robot = _opened(robot)
     settings = load_stream() if settings is None else settings
     if isinstance(driver, str):
         driver = open_driver(driver, robot, **({"seed": seed} if driver == "sim" else {}))
@@ -319,5 +328,5 @@ def retarget_motion(
     """
     if not isinstance(motion, Motion):
         raise ConfigError(f"motion: {motion!r}, expected a Motion, as of fm.load_motion(file)")
-    robot = robot if isinstance(robot, Robot) else open_robot(robot)
+    robot = _opened(robot)
     return retarget_offline(robot, ClipSource(motion), load_stream() if settings is None else settings, progress)

@@ -55,7 +55,8 @@ class Sampler:
             else they are as planted, with the forces of the decoder, as earlier versions sampled them.
         corrections: steps by which windows with constraints are corrected (`constraint_solver.py`); with 0 a
             course acts by velocities alone.
-        robot: what the robot that follows was judged to do: any other kind of motion is refused by name; None: all.
+        robot: what the robot that follows was judged to do; None: all. Words for any other kind of motion mean standing
+            still, and the warning of `prompt` names it.
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.

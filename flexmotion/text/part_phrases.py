@@ -28,6 +28,9 @@ _LOOKS: dict[str, Direction] = {
     "ahead": (1.0, 0.0, 0.0),
 }
 """A head turns by 50° to a side and by 31° up and down: what humans do for the words, and most robots can."""
+_POINTS = {"up": "point-up", "ahead": "point-forward"}
+_REACHES = {"up": "raise-up", "ahead": "hold-out"}
+"""Kinds of motion by way, without the hand. To the side of its own an arm that reaches is one that points there."""
 _SAME = {"upward": "up", "upwards": "up", "downward": "down", "downwards": "down", "leftward": "left"}
 _SAME |= dict.fromkeys(("forward", "forwards", "straight", "front", "out"), "ahead")
 _SAME |= {"rightward": "right", "leftwards": "left", "rightwards": "right", "ceiling": "up", "sky": "up"}
@@ -53,11 +56,14 @@ class PartPhrase:
         act: a reach is a point: an almost straight arm.
         direction: seen from the trunk: ahead, left, up.
         side: of the arm, left or right; None: of the head.
+        kind: of motion that the words mean, which a robot was judged to do or not; None: they mean none of those, as a
+            look ahead, a point down, and a point to the other side than that of the arm.
     """
 
     act: Act
     direction: Direction
     side: Literal["left", "right"] | None = None
+    kind: str | None = None
 
 
 def part_phrase(sentence: str) -> PartPhrase | None:
@@ -68,7 +74,8 @@ def part_phrase(sentence: str) -> PartPhrase | None:
     words = " ".join(POLITE.sub(" ", " ".join(re.findall(r"[a-z]+", sentence.lower()))).split())
     found = _LOOK.fullmatch(words)
     if found is not None:
-        return PartPhrase("look", _LOOKS[_way(found)])
+        way = _way(found)
+        return PartPhrase("look", _LOOKS[way], kind=None if way == "ahead" else f"look-{way}")
     found = _POINT.fullmatch(words) or _REACH.fullmatch(words)
     if found is None:
         return None
@@ -76,7 +83,9 @@ def part_phrase(sentence: str) -> PartPhrase | None:
     if named is None and found.re is _REACH:
         return None
     side: Literal["left", "right"] = "left" if (named or way) == "left" else "right"
-    return PartPhrase("point", _WAYS[way], side)
+    kinds = _REACHES if found.re is _REACH else _POINTS
+    kind = f"{kinds[way]}-{side}-hand" if way in kinds else f"point-{way}" if way == side else None
+    return PartPhrase("point", _WAYS[way], side, kind)
 
 
 def _way(found: re.Match[str]) -> str:

@@ -54,6 +54,11 @@ def wordings(kind: str) -> tuple[str, ...]:
     return () if row is None else tuple(dict.fromkeys(_made(row)))
 
 
+def first_wording(kind: str) -> str:
+    """The first wording of a kind of motion; its name where it has none."""
+    return next(iter(wordings(kind)), kind.replace("-", " "))
+
+
 def verbs(kind: str) -> tuple[str, ...]:
     """Verbs of a kind of motion that has wordings."""
     return tuple(_table()[ALIASES.get(kind, kind)]["verbs"])

@@ -16,7 +16,8 @@ from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
 from flexmotion.text.manner_reader import HeardManner, MannerReader
 from flexmotion.text.manners import NORMAL
-from flexmotion.text.phrases import STAND, is_sudden, wordings
+from flexmotion.text.phrases import STAND, first_wording, is_sudden
+from flexmotion.text.robot_refusal import robot_refusal
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
@@ -192,8 +193,8 @@ class PromptReader:
     def _unoffered(self, kind: str) -> str:
         """Who does not do a kind of motion that is not offered, in words."""
         if self._robot is None or kind not in self._modelled:
-            return f"this model cannot {_wording(kind)} yet"
-        return f"robot {self._robot.robot} cannot {_wording(kind)} ({self._robot.figure(kind)})"
+            return f"this model cannot {first_wording(kind)} yet"
+        return robot_refusal(self._robot, kind)
 
     def _respelled(self, sentence: str) -> str | None:
         """What a sentence with misspelt words may mean, to be suggested; never done by itself."""
@@ -212,7 +213,7 @@ class PromptReader:
         """
         nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
         tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)]
-        said = [meant] if meant is not None else [_wording(kind) for kind in tries[:TRIES]]
+        said = [meant] if meant is not None else [first_wording(kind) for kind in tries[:TRIES]]
         told = f"it can: {_names(self.offered[:NAMED])}"
         if len(self.offered) > NAMED:
             lists = LISTS if self._robot is None else f"{LISTS} --robot {self._robot.place}"
@@ -225,11 +226,6 @@ class PromptReader:
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING, 0.0
         return self._listener.heard(sentence, embedding, pieces, likeness)
-
-
-def _wording(kind: str) -> str:
-    """The first wording of a kind of motion; its name where it has none."""
-    return next(iter(wordings(kind)), kind.replace("-", " "))
 
 
 def _names(kinds: Iterable[str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from flexmotion.configs import calibration, get_up, identification, push_correction
+from flexmotion.configs import calibration, get_up, identification, push_correction, repertoire
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.schema import Strict, parse
@@ -121,10 +121,10 @@ def begin_header(name: str, robot: Robot, **about: Any) -> LogHeader:
 
 
 def robot_files(robot: Robot) -> dict[str, bytes]:
-    """The robot file, its MJCF and what was measured of the robot by attachment name, as they are now."""
+    """The robot file, its MJCF and what was measured and judged of the robot by attachment name, as they are now."""
     beside = [
         file
-        for own in (calibration, identification, get_up, push_correction)
+        for own in (calibration, identification, get_up, push_correction, repertoire)
         if (file := robot.folder / own.FILE).is_file()
     ]
     files = (robot.file, robot.folder / robot.config.mjcf, *beside)

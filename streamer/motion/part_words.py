@@ -1,12 +1,18 @@
-"""`part_of_words`: the intent of a sentence that asks for head or arm alone, or only restricts the robot."""
+"""`part_of_words`: the intent of a sentence that asks for head or arm alone, or only restricts the robot.
+
+A robot that was judged not to do what such a sentence means refuses it (`unoffered_part`); targets by place, direction
+or joint are no kinds of motion, and are solved.
+"""
 
 from __future__ import annotations
 
-from flexmotion.streamer.motion.intents import Intent, Text
+from flexmotion.configs.repertoire import RobotRepertoire
+from flexmotion.streamer.motion.intents import Intent, Text, words_of
 from flexmotion.streamer.motion.part_intents import Look, PartIntent, Point, Relax
 from flexmotion.streamer.motion.restriction_intents import MOST_NM, Contact, Tension, TorqueCap
 from flexmotion.text.part_phrases import part_phrase
 from flexmotion.text.restriction_phrases import LEAST_NM, restriction_phrase
+from flexmotion.text.robot_refusal import robot_refusal
 
 WORDS_HOLD_S = 5.0
 """A look or a point that was asked for in words is held this long; words say no end [s]."""
@@ -25,6 +31,18 @@ def part_of_words(intent: Intent) -> PartIntent | None:
     if found.side is None:
         return Look(found.direction, _IN_S, _TOLERANCE)
     return Point(found.side, found.direction, _IN_S, _TOLERANCE)
+
+
+def unoffered_part(intent: Intent, robot: RobotRepertoire | None) -> str | None:
+    """Why a robot does not do what words ask of head or arm alone; None where it does, or they ask for anything else.
+
+    Args:
+        robot: what it was judged to do; None: it was not judged.
+    """
+    found = part_phrase(intent.text) if isinstance(intent, Text) else None
+    if robot is None or found is None or found.kind is None or robot.offers(found.kind):
+        return None
+    return f"{words_of(intent)!r}: {robot_refusal(robot, found.kind)}"
 
 
 def _restriction(sentence: str) -> PartIntent | None:

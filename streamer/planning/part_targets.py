@@ -25,7 +25,7 @@ from flexmotion.streamer.motion.heard import Heard, Over
 from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import words_of
 from flexmotion.streamer.motion.part_intents import Hand, Look, Placed, Point, Relax
-from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words
+from flexmotion.streamer.motion.part_words import WORDS_HOLD_S, part_of_words, unoffered_part
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.streamer.planning.answers import Answers
 from flexmotion.streamer.planning.arrival import ARRIVES_S, LEAST_M, LEAST_RAD, arrived
@@ -176,6 +176,9 @@ class PartTargets:
 
     def _begin(self, target: Target, born_tick: float, q: Float) -> None:
         """Let a target hold. Raises `ConfigError` where it cannot be followed; names what is valid."""
+        unoffered = unoffered_part(target.intent, self._retargeter.robot.repertoire)
+        if unoffered is not None:
+            raise ConfigError(unoffered)
         words = part_of_words(target.intent)
         intent = words or target.intent
         if isinstance(intent, Relax):

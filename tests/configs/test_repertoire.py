@@ -46,6 +46,20 @@ def test_figures_are_written_beside_the_robot_file_and_those_of_other_kinds_stay
     assert not own.offers("bow") and own.figure("bow") == "not judged: python -m benchmarks robot/kinds"
 
 
+@pytest.mark.parametrize("place", ["link to nowhere", "folder"])
+def test_a_repertoire_that_cannot_be_read_was_taken_for_a_robot_that_was_never_judged(
+    unjudged: Robot, place: str
+) -> None:
+    """The robot was offered every kind of motion."""
+    file = unjudged.folder / FILE
+    if place == "folder":
+        file.mkdir()
+    else:
+        file.symlink_to(unjudged.folder / "gone.yaml")
+    with pytest.raises(ConfigError, match=f"{file}: cannot be read"):
+        load_robot(unjudged.folder)
+
+
 @pytest.mark.parametrize(
     ("edit", "says"),
     [

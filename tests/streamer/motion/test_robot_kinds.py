@@ -6,16 +6,19 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.repertoire import offered_kinds
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.judged import Judged
 from flexmotion.configs.repertoire import FILE, RobotRepertoire
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
-from flexmotion.sampling.sampler import Sampler
+from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer import api
 from flexmotion.streamer.cli import execute
+from flexmotion.streamer.log.header import robot_files
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Text
@@ -142,6 +145,25 @@ def test_a_replay_refuses_what_the_robot_of_the_run_could_not(source: ModelSourc
 def _before(parts: dict[str, object]) -> dict[str, object]:
     """The parts of a log of an earlier version."""
     return {name: value for name, value in parts.items() if name != "repertoire"}
+
+
+@pytest.mark.parametrize("robot", ["op3", ROBOTS / "op3", load_robot("op3")], ids=["name", "folder", "robot"])
+def test_a_sampler_takes_a_robot_as_a_session_does_and_says_why_it_stands(robot: Robot | Path | str) -> None:
+    """A name was an AttributeError, and the docstring said that `sample` refuses by name what it stands still for."""
+    sampler = api.open_sampler(robot=robot)
+    assert REFUSED in str(sampler.prompt(TILT).warning)
+    windows = [sampler.sample(sampler.standing(), Condition(text=text), 1) for text in (TILT, "stand still")]
+    assert np.array_equal(windows[0].joints, windows[1].joints)
+
+
+def test_a_sampler_of_an_unknown_robot_names_those_that_there_are() -> None:
+    with pytest.raises(ConfigError, match="op3"):
+        api.open_sampler(robot="op4")
+
+
+def test_a_log_says_that_what_the_robot_was_judged_to_do_has_changed(op3: Robot) -> None:
+    """Targets for head and arm of a replay follow the robot's own file."""
+    assert f"robot/{FILE}" in robot_files(op3)
 
 
 def test_commands_show_what_a_robot_does(capsys: pytest.CaptureFixture[str]) -> None:

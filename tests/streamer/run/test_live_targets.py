@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,8 +32,8 @@ MOST_S = 20.0
 class Live:
     """A session that stands, with the answers to its targets, `told`, and their `newest` versions."""
 
-    def __init__(self, *items: Item, clips: Mapping[str, Motion] | None = None) -> None:
-        robot = load_robot("op3")
+    def __init__(self, *items: Item, clips: Mapping[str, Motion] | None = None, folder: str | Path = "op3") -> None:
+        robot = load_robot(folder)
         source = ModelSource(StubSampler(), [Item(0.0, Text("stand still")), *items], "model:stub", clips=clips)  # type: ignore[arg-type]
         self.session = Session(robot, create("sim", robot, seed=0), source, load_stream())
         self._reader = self.session.heard_channel.reader()

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
+from flexmotion.configs.repertoire import FILE
+from flexmotion.configs.robot import ROBOTS
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
@@ -183,6 +188,38 @@ def test_words_for_the_head_turn_it_and_never_walk(live: Live) -> None:
     ticks = live.session.record.ticks
     assert abs(ticks.true_q[-1, names.index("head_pan")]) < 0.02
     assert int(ticks.steps_planned[-1]) == 0 and np.linalg.norm(ticks.true_base[-1, :2] - place) < 0.005
+
+
+def test_words_for_head_and_arm_were_done_by_a_robot_that_was_judged_not_to(tmp_path: Path) -> None:
+    """The words "look left" turned the head, and "look left twice" was refused."""
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    content = yaml.safe_load((folder / FILE).read_text())
+    for kind in ("look-left", "point-right", "point-forward-right-hand", "raise-up-left-hand"):
+        content["kinds"][kind]["share"] = 0.2
+    del content["kinds"]["look-up"]
+    (folder / FILE).write_text(yaml.safe_dump(content))
+    one = Live(folder=folder)
+    with one.session:
+        one.until_state(State.STREAMING)
+        one.until_answered(one.session.send(Stop()).id)
+        one.until_state(State.HOLD)
+        before = one.session.record.ticks.true_q[-1].copy()
+        for words, cannot in (
+            ("look left", "look to the left"),
+            ("point to the right", "point to the right"),
+            ("point ahead", "point forward with the right hand"),
+            ("reach up with the left hand", "raise the left hand"),
+        ):
+            refused = asked(one, Text(words))
+            assert (refused.state, refused.asked) == ("refused", words)
+            assert refused.reason == f"{words!r}: robot op3 cannot {cannot} (robot/kinds: 1 of 5 runs did, 80 % pass)"
+        assert "cannot look up (not judged: python -m benchmarks robot/kinds)" in str(
+            asked(one, Text("look up")).reason
+        )
+        go_on(one, 1.0)
+        assert np.abs(one.session.record.ticks.true_q[-1] - before).max() < 0.02
+        assert asked(one, Text("look right")).state == "accepted"
+        assert asked(one, Look((1.0, 1.2, 0.0), tolerance=0.8)).state == "accepted"  # a direction is no kind
 
 
 def test_a_stop_ends_parts_and_refuses_new_ones_until_it_is_released(live: Live) -> None:
