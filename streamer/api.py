@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.repertoire import robot_repertoire
 from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
@@ -95,7 +96,7 @@ def open_sampler(
             it: with it they fell more often when targets change within a second.
         robot: that follows; what it was judged not to do is refused by name. None: no robot does.
     """
-    repertoire = None if robot is None else robot.repertoire
+    repertoire = None if robot is None else robot_repertoire(robot)
     return Sampler(open_bundle(folder), steps, balanced=balanced, robot=repertoire)
 
 
