@@ -108,8 +108,8 @@ def choose_source(
     source = _model(robot, items, "model:default", "the default script", bundle, seed, seconds, endless, clips)
     if not isinstance(source, ModelSource):
         return source
-    lists = f"{'' if bundle is None else f'{quote(str(bundle))} '}--robot {quote(robot.place)}"
     if lacks := [one.asked for one in source.heard_items if one.state == "refused"]:
+        lists = f"{'' if bundle is None else f'{quote(str(bundle))} '}--robot {quote(robot.place)}"
         raise typer.BadParameter(
             f"the built-in script asks for {', '.join(map(repr, lacks))}, which bundle {source.sampler.name} at robot "
             f"{robot.name} does not offer: give --prompt or --script (`flexmotion bundles {lists}` lists what they do)"
