@@ -157,10 +157,15 @@ class Robot:
         check_numbers(self)
         self.get_up = read_get_up(self)
         self.push_correction = read_push_correction(self)
-        self.repertoire = read_repertoire(self, self.name if is_shipped(self) else str(self.folder))
+        self.repertoire = read_repertoire(self)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n} joints, {self.file})"
+
+    @property
+    def place(self) -> str:
+        """What commands call it: the name of a shipped robot, or the folder of another."""
+        return self.name if is_shipped(self) else str(self.folder)
 
     @cached_property
     def mass(self) -> float:

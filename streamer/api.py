@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.repertoire import robot_repertoire
 from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
@@ -100,7 +101,7 @@ def open_sampler(
     Raises:
         ConfigError: there is no such bundle or robot, or the number of steps is out of range.
     """
-    repertoire = None if robot is None else _opened(robot).repertoire
+    repertoire = None if robot is None else robot_repertoire(_opened(robot))
     return Sampler(open_bundle(folder), steps, balanced=balanced, robot=repertoire)
 
 

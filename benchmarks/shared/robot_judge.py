@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmarks.shared.robot_motion import SAMPLED_HZ, Part
-from flexmotion.text.phrases import is_pose
+from flexmotion.text.phrases import is_pose, limbs
 
 Float = NDArray[np.float64]
 
@@ -65,11 +65,20 @@ class Done:
         return cls(*_compared(part), *_compared(Part(_changing(part.human), _changing(part.robot))))
 
 
-def best(kind: str, parts: Mapping[str, Part]) -> Done:
-    """The part of a kind of motion that the robot made best: it is seen once one of them is (`GestureWay`)."""
+def deciding(kind: str, parts: Mapping[str, Part]) -> Done:
+    """How the robot made the part that decides whether it did a kind of motion.
+
+    Of a walked turn that is the worse of turn and way: it is made of both. Of a kind that legs make it is theirs: who
+    crouches bends the legs, and ducks the head besides. Of any other it is what the robot made best: of an answer, or a
+    dance, one of the parts is enough.
+    """
     has_strokes = not is_pose(kind) and not {"way", "turn"} & set(parts)
-    found = [Done.of(part, has_strokes=has_strokes) for part in parts.values()]
-    return max(found, key=lambda one: (one.makes, one.share))
+    made = {name: Done.of(part, has_strokes=has_strokes) for name, part in parts.items()}
+    if "turn" in made:
+        return min(made.values(), key=lambda one: (one.makes, one.share))
+    if "leg" in made and "leg" in (limbs(kind) or ()):
+        return made["leg"]
+    return max(made.values(), key=lambda one: (one.makes, one.share))
 
 
 def _compared(part: Part) -> tuple[float, float]:

@@ -31,6 +31,8 @@ Float = NDArray[np.float64]
 
 SAMPLED_HZ = 31.25
 """Rate at which human and robot are compared: about that of the human's frames."""
+WALKS = 1.0
+"""A turn whose human goes further than this is a walked one, whose way counts [lengths of the leg]."""
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -47,7 +49,9 @@ class Part:
 
 
 def parts_of(kind: str, robot: Robot, record: RunTrace, motion: Motion) -> dict[str, Part]:
-    """The parts that make a kind of motion, by name: the way of a walk, the turn of a turn, else what is seen of it.
+    """The parts that make a kind of motion, by name: the way of a walk, both of a turn, else what is seen of it.
+
+    A turn on the spot has no way.
 
     Args:
         kind: of motion; what is seen of it is in `phrases.yaml`, what walks and turns in `grammar.yaml`.
@@ -65,7 +69,9 @@ def parts_of(kind: str, robot: Robot, record: RunTrace, motion: Motion) -> dict[
     both = _Both(robot, record.true_base[rows], record.true_q[rows], motion, frames)
     table = vocabulary().table
     if kind in table["turns"]:
-        return {"turn": both.turn()}
+        way = both.way()
+        walks = float(np.abs(way.human).max()) >= WALKS
+        return {"turn": both.turn(), **({"way": way} if walks else {})}
     if kind in table["walks"]:
         return {"way": both.way()}
     made: dict[str, Callable[[], Part]] = {

@@ -8,9 +8,10 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.manifest import MANIFEST, Repertoire, write_manifest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.judged import Judged
-from flexmotion.configs.repertoire import RobotRepertoire
+from flexmotion.configs.repertoire import FILE, RobotRepertoire
+from flexmotion.configs.robot import Robot
 from flexmotion.text.manners import NORMAL
-from flexmotion.text.phrases import STAND
+from flexmotion.text.phrases import STAND, check_kinds
 
 
 def write_judged(
@@ -43,6 +44,19 @@ def write_judged(
     )
     write_manifest(bundle.manifest.model_copy(update={"repertoire": repertoire}), bundle.folder / MANIFEST)
     return Bundle(bundle.folder)
+
+
+def robot_repertoire(robot: Robot) -> RobotRepertoire | None:
+    """What a robot was judged to do, for a model that it follows; None: it was not judged.
+
+    Raises:
+        ConfigError: its file names what is no kind of motion, such as one that is misspelt.
+    """
+    own = robot.repertoire
+    if own is not None:
+        check_kinds(own.kinds, f"{robot.folder / FILE}: field kinds")
+        check_kinds([*own.done_as, *own.done_as.values()], f"{robot.folder / FILE}: field done_as")
+    return own
 
 
 def offered_kinds(bundle: Bundle, robot: RobotRepertoire | None = None) -> tuple[str, ...]:

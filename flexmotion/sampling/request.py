@@ -271,6 +271,10 @@ class Requests:
             )
         return self._manners.get(name)
 
+    def words_kind(self, condition: Condition) -> str:
+        """The kind of the words that the network is told of a condition of `meant`; a velocity alone has some too."""
+        return self._words(condition).kind
+
     def _words(self, condition: Condition) -> Prompt:
         """The words of the request; of a velocity without words, those of walking, or of turning on the spot."""
         if condition.velocity is None or condition.text is not None:

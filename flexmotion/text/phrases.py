@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from functools import lru_cache
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import yaml_content
 from flexmotion.text.sides import mirrored, sides
 
@@ -45,6 +48,23 @@ def _made(row: Mapping[str, Any]) -> list[str]:
 def kinds() -> tuple[str, ...]:
     """Labels that have wordings."""
     return tuple(_table())
+
+
+def check_kinds(names: Iterable[str], origin: Path | str) -> None:
+    """Refuse names that are no kinds of motion.
+
+    Args:
+        names: of a mapping by kind.
+        origin: file and field of the mapping, for messages.
+
+    Raises:
+        ConfigError: there is none of such a name; it names the nearest ones.
+    """
+    known = (*kinds(), *ALIASES)
+    for name in names:
+        if name not in known:
+            close = get_close_matches(name, known, n=3, cutoff=0.0)
+            raise ConfigError(f"{origin}.{name}: no kind of motion is called so, did you mean: {', '.join(close)}")
 
 
 @lru_cache

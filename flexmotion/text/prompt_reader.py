@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,7 +217,7 @@ class PromptReader:
         said = [meant] if meant is not None else [first_wording(kind) for kind in tries[:TRIES]]
         told = f"it can: {_names(self.offered[:NAMED])}"
         if len(self.offered) > NAMED:
-            lists = LISTS if self._robot is None else f"{LISTS} --robot {self._robot.place}"
+            lists = LISTS if self._robot is None else f"{LISTS} --robot {quote(self._robot.place)}"
             told += f", … ({lists} lists all {len(self.offered)})"
         return f"try: {', '.join(said)}; {told}" if said else told
 

@@ -38,10 +38,11 @@ def bundles(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.bundles.bundle import Bundle
+    from flexmotion.bundles.repertoire import robot_repertoire
     from flexmotion.bundles.shipped import bundle_folder, shipped_bundles
     from flexmotion.configs.robot import load_robot
 
-    repertoire = None if robot is None else load_robot(robot).repertoire
+    repertoire = None if robot is None else robot_repertoire(load_robot(robot))
     folders = shipped_bundles() if bundle is None else {bundle: bundle_folder(bundle)}
     found = {name: _summary(Bundle(folder), repertoire) for name, folder in folders.items()}
     if as_json:

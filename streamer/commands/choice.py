@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
+from shlex import quote
 
 import typer
 
@@ -108,9 +109,10 @@ def choose_source(
     if not isinstance(source, ModelSource):
         return source
     if lacks := [one.asked for one in source.heard_items if one.state == "refused"]:
+        lists = f"{'' if bundle is None else f'{quote(str(bundle))} '}--robot {quote(robot.place)}"
         raise typer.BadParameter(
             f"the built-in script asks for {', '.join(map(repr, lacks))}, which bundle {source.sampler.name} at robot "
-            f"{robot.name} does not offer: give --prompt or --script (`flexmotion bundles` lists what it does)"
+            f"{robot.name} does not offer: give --prompt or --script (`flexmotion bundles {lists}` lists what they do)"
         )
     return source
 

@@ -52,6 +52,7 @@ def show(
       flexmotion robots ./my_robot
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
+    from flexmotion.bundles.repertoire import robot_repertoire
     from flexmotion.configs.robot import list_robots, load_robot
     from flexmotion.configs.robot_checks import doubtful_numbers
     from flexmotion.configs.stream import load_stream
@@ -63,6 +64,7 @@ def show(
 
     if robot is not None:
         chosen = load_robot(robot)
+        robot_repertoire(chosen)  # names of kinds are checked
         for side in SIDE_NAMES:
             Leg.of(chosen, side)
         short = short_sight(chosen, load_stream())
@@ -128,7 +130,10 @@ def _detail(robot: Robot) -> dict[str, Any]:
     own = robot.repertoire
     kinds = None
     if own is not None:
-        kinds = {kind: {**found.model_dump(), "offered": found.passed} for kind, found in own.kinds.items()}
+        kinds = {
+            kind: {**found.model_dump(), "offered": found.passed, "done_as": own.done_as.get(kind)}
+            for kind, found in own.kinds.items()
+        }
     return _summary(robot) | {"pace": speeds, "gets_up": get_up, "kinds": kinds, "joint_list": joints}
 
 
@@ -162,15 +167,19 @@ def _get_up(robot: Robot) -> str:
 
 
 def _kinds(robot: Robot) -> str:
+    from flexmotion.configs.repertoire import judging
+
     own = robot.repertoire
     if own is None:
-        return "Not judged which kinds of motion it does: all are offered (python -m benchmarks robot/kinds --write)"
+        return f"Not judged which kinds of motion it does: all are offered ({judging(robot.place)})"
     done = sum(found.passed for found in own.kinds.values())
     told = (
         f"Does {done} of {len(own.kinds)} kinds of motion as judged; flexmotion bundles --robot {own.place} lists them"
     )
     refused = [f"{kind} ({own.figure(kind)})" for kind, found in own.kinds.items() if not found.passed]
-    return "\n".join([told, *([f"Refuses by name: {'; '.join(refused)}"] if refused else [])])
+    others = [f"{kind} as {made}" for kind, made in own.done_as.items()]
+    by_pace = [f"At its pace it does {', '.join(others)}"] if others else []
+    return "\n".join([told, *by_pace, *([f"Refuses by name: {'; '.join(refused)}"] if refused else [])])
 
 
 def _joints(robot: Robot) -> Table:

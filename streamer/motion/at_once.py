@@ -67,7 +67,10 @@ def _is_kept(clause: Clause, model: Model) -> bool:
 
 
 def _with_phrases(clause: Clause, model: Model) -> Clause:
-    """A request with the gesture that one of its phrases asks for; of several gestures, with the first."""
+    """A request with the gesture that one of its phrases asks for; of several gestures, with the first.
+
+    Of each that robot or model cannot do is told who cannot.
+    """
     for phrase in clause.dropped:
         words, _, others = (meanwhile(phrase) or "").partition(" and ")
         if (vocabulary().words("stop_verbs") | {"stand"}) & {stem(word) for word in others.split()}:
@@ -77,16 +80,19 @@ def _with_phrases(clause: Clause, model: Model) -> Clause:
             continue
         other = asked[0] if not others else replace(asked[0], dropped=(*asked[0].dropped, others))
         heard = model.prompt(other.text)
-        if heard.share < SURE or (is_posture(phrase) and not is_pose(heard.refused or heard.kind)):
+        if is_posture(phrase) and not is_pose(heard.refused or heard.kind):
             continue
+        if heard.share < SURE and not (heard.refused and is_pose(heard.refused)):
+            continue  # "walk carrying a box" is no punch; of a pose that is not done, "with your head tilted", is told
         if heard.unoffered is not None:
-            return replace(clause, notes=(*clause.notes, f"{phrase!r} is left out: {heard.unoffered}"))
+            clause = replace(clause, notes=(*clause.notes, f"{phrase!r} is left out: {heard.unoffered}"))
+            continue
         if limbs(heard.kind) == frozenset(["leg"]) and not _is_walk(other.text):
             continue  # "wave while telling him to walk"
         both = _both(clause, replace(other, joint=clause.joint), model)
         if both is not None:
             said = f"{clause.said} {phrase}" if phrase not in clause.said else clause.said
-            return _told(replace(both, said=said, dropped=tuple(one for one in both.dropped if one != phrase)))
+            clause = _told(replace(both, said=said, dropped=tuple(one for one in both.dropped if one != phrase)))
     return clause
 
 

@@ -196,7 +196,8 @@ class Heard(BaseModel):
         if self.state == "refused":
             # The listener's reasons begin with the words as asked.
             whole = str(self.reason).startswith(repr(self.asked))
-            return self.reason if whole else f"{self._request} is refused: {self.reason}"
+            refused = str(self.reason) if whole else f"{self._request} is refused: {self.reason}"
+            return "; ".join((refused, *self.notes))
         parts = []
         if len(self.steps) > 1 or any(step.amount is not None for step in self.steps):
             parts.append("heard as " + ", then ".join(_step_text(step) for step in self.steps))

@@ -82,7 +82,7 @@ class Hearing:
             case Text(text) if is_alarm(text):
                 return self._alarmed(text)
             case Text(text) if (restricts := restriction_refusal(text)) is not None:
-                return self._refused(text, restricts, ())
+                return self._refused(text, restricts)
             case Text(text):
                 meant, notes = as_meant(text, self.model.is_word)
                 program = self._sentence(meant, under_way, last)
@@ -146,11 +146,11 @@ class Hearing:
         except NothingChangesError as refused:
             # Beside other requests, such as a stop, none is done, and nothing goes on without them.
             if under_way is None or len(clauses) != 1:
-                return self._refused(sentence, str(refused), dropped)
+                return self._refused(sentence, str(refused), dropped, notes)
             heard = Heard(asked=sentence, state="refused", reason=f"{refused}; it goes on", certainty=1.0)
             return replace(under_way, heard=heard)
         except RefusedError as refused:
-            return self._refused(sentence, str(refused), dropped)
+            return self._refused(sentence, str(refused), dropped, notes)
         if not steps:
             reason = "it says only what not to do: the robot stands still"
             steps, dropped = [self.steps.standing(sentence)], ()
@@ -229,8 +229,10 @@ class Hearing:
             found.append(clause)
         return tuple(found)
 
-    def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
-        """The robot stands still."""
+    def _refused(
+        self, sentence: str, reason: str, dropped: tuple[str, ...] = (), notes: tuple[str, ...] = ()
+    ) -> Program:
+        """The robot stands still. Of the notes only those of what else it cannot do are of account."""
         whole = reason if "stands still" in reason else f"{reason}; the robot stands still"
         heard = Heard(
             asked=sentence,
@@ -238,6 +240,7 @@ class Hearing:
             certainty=rounded(self.model.prompt(sentence)),
             dropped=dropped,
             reason=whole,
+            notes=tuple(note for note in notes if note.startswith(tuple(map(repr, dropped)))),
         )
         return Program((self.steps.standing(sentence),), heard)
 
@@ -363,7 +366,7 @@ class Hearing:
         step = None if under_way is None else under_way.steps[0]
         if under_way is None or step is None or step.kind == STAND or step.is_still:
             reason = f"{sentence!r} says only how; say what to do as well, as in 'walk {way}'"
-            return self._refused(sentence, reason, ())
+            return self._refused(sentence, reason)
         kept = step.told.text
         text = f"{without_phrases(kept, manner_phrases(kept))} {way}"
         prompt = self.model.prompt(text)
@@ -371,7 +374,7 @@ class Hearing:
         known = all(phrase.manner is not None and not phrase.doubtful for phrase in manner_phrases(way))
         if walks and prompt.dropped and not known:
             # Words of no manner may have meant to end the walk.
-            return self._refused(sentence, f"{sentence!r}: no manner that is known", ())
+            return self._refused(sentence, f"{sentence!r}: no manner that is known")
         if not walks or prompt.kind != step.kind or prompt.manner == NORMAL or prompt.dropped:
             which = "the model has no such manner" if walks and prompt.dropped else f"say all of it, as in {text!r}"
             reason = f"{sentence!r}: {step.kind} is not changed to that manner: {which}; it goes on"

@@ -38,12 +38,15 @@ def test_op3_does_all_that_its_joints_allow_and_does_not_tilt_its_head(op3: Robo
 
 def test_figures_are_written_beside_the_robot_file_and_those_of_other_kinds_stay(unjudged: Robot) -> None:
     assert unjudged.repertoire is None
-    write_repertoire(unjudged, {"walk": judged(1.0), "nod": judged(0.2)})
+    kinds = {"walk": judged(1.0), "run": judged(1.0), "dash": judged(1.0), "nod": judged(0.2)}
+    write_repertoire(unjudged, kinds, {"run": "walk", "dash": "walk"})
     again = load_robot(unjudged.folder)
-    write_repertoire(again, {"nod": judged(0.8)})
+    write_repertoire(again, {"nod": judged(0.8), "dash": judged(1.0)}, {"dash": "run"})
     own = load_robot(unjudged.folder).repertoire
     assert own is not None and own.offers("walk") and own.offers("nod") and own.place == str(unjudged.folder)
-    assert not own.offers("bow") and own.figure("bow") == "not judged: python -m benchmarks robot/kinds"
+    assert own.done_as == {"run": "walk", "dash": "run"}
+    told = f"not judged: python -m benchmarks robot/kinds --robot {unjudged.folder} --write --kind bow"
+    assert not own.offers("bow") and own.figure("bow") == told
 
 
 @pytest.mark.parametrize("place", ["link to nowhere", "folder"])

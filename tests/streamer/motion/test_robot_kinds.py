@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer import BadParameter
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.repertoire import offered_kinds
@@ -18,6 +19,7 @@ from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer import api
 from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.choice import choose_source
 from flexmotion.streamer.log.header import robot_files
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.hearing import Hearing
@@ -85,6 +87,9 @@ def test_a_refusal_says_what_bundle_and_robot_offer_together(source: ModelSource
         ("walk with your head tilted to the right", "with your head tilted to the right", REFUSED),
         ("walk two metres while tilting your head right, then bow", "while tilting your head right", REFUSED),
         ("walk while kicking", "while kicking", "this model cannot kick yet"),
+        ("walk with your head tilted and wave", "with your head tilted", REFUSED),
+        ("walk with a tilted head", "with a tilted head", REFUSED),
+        ("bow while leaning your head", "while leaning your head", REFUSED),
     ],
 )
 def test_what_is_left_out_beside_a_walk_is_told_with_who_cannot_do_it(
@@ -94,6 +99,58 @@ def test_what_is_left_out_beside_a_walk_is_told_with_who_cannot_do_it(
     heard = hearing(Text(say)).heard
     assert heard.state == "partly" and heard.dropped == (left_out,)
     assert f"{left_out!r} is left out: {who}" in heard.notes
+
+
+def test_why_a_part_of_a_refused_sentence_was_left_out_was_not_told(hearing: Hearing) -> None:
+    heard = hearing(Text(f"kick while {TILT.replace('tilt', 'tilting')}")).heard
+    note = f"'while tilting your head to the right' is left out: {REFUSED}"
+    assert heard.state == "refused" and heard.notes == (note,)
+    assert "this model cannot kick yet" in str(heard.told()) and str(heard.told()).endswith(f"; {note}")
+
+
+@pytest.mark.parametrize("say", ["walk carrying a box", "walk with your fists up", "walk with your eyes closed"])
+def test_a_phrase_that_only_sounds_like_what_is_not_offered_is_not_told_as_it(hearing: Hearing, say: str) -> None:
+    heard = hearing(Text(say)).heard
+    assert heard.state == "partly" and not any("left out" in note for note in heard.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ({"kinds": {"wallk": 1, "nod": 1}}, "field kinds.wallk: no kind of motion is called so, did you mean: walk"),
+        ({"kinds": {"run": 1}, "done_as": {"run": "wolk"}}, "field done_as.wolk: no kind of motion is called so"),
+        ({"kinds": {"run": 1}, "done_as": {"runs": "walk"}}, "field done_as.runs: no kind of motion is called so"),
+    ],
+)
+def test_a_misspelt_kind_took_that_kind_away_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: dict[str, dict[str, object]], says: str
+) -> None:
+    """`walk` renamed to `wallk` was accepted, and walks were refused."""
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    judged = {"judge": "robot/kinds", "samples": 5, "share": 1.0, "least": 0.8}
+    kinds = dict.fromkeys(content["kinds"], judged)
+    (folder / FILE).write_text(json.dumps({**content, "kinds": kinds}))
+    with pytest.raises(ConfigError, match=f"{FILE}: {says}"):
+        api.open_source(load_robot(folder), Text("walk"))
+    for command in (["robots", str(folder)], ["bundles", "--robot", str(folder)]):
+        assert execute(command) != 0
+        out = capsys.readouterr()
+        assert says.partition(",")[0] in " ".join((out.out + out.err).split())
+
+
+def test_where_to_look_up_what_a_robot_does_was_told_without_the_robot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "my robot"))
+    (folder / "op3.yaml").rename(folder / "robot.yaml")
+    judged = {"judge": "robot/kinds", "samples": 5, "share": 1.0, "least": 0.8}
+    (folder / FILE).write_text(json.dumps({"kinds": {"bow": judged}}))
+    with pytest.raises(BadParameter, match=f"flexmotion bundles --robot '{folder}'` lists what they do"):
+        choose_source(load_robot(folder))
+    (folder / FILE).unlink()
+    assert execute(["robots", str(folder)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "all are offered (python -m benchmarks robot/kinds --robot '" in told and "my robot' --write)" in told
 
 
 def test_what_the_model_cannot_is_refused_as_the_models(source: ModelSource) -> None:
@@ -106,7 +163,8 @@ def test_a_kind_that_no_judge_saw_at_a_judged_robot_is_not_offered(bundle: Path)
     sampler = Sampler(Bundle(bundle), robot=mine)
     assert sampler.requests.kinds == ("stand", "walk")
     told = {say: str(sampler.prompt(say).warning) for say in ("nod", "bow")}
-    assert "robot mine cannot nod (not judged: python -m benchmarks robot/kinds), it stands still" in told["nod"]
+    judge = "python -m benchmarks robot/kinds --robot /robots/mine --write"
+    assert f"robot mine cannot nod (not judged: {judge} --kind nod), it stands still" in told["nod"]
     assert "robot mine cannot bow (robot/kinds: 1 of 5 runs did, 80 % pass), it stands still" in told["bow"]
 
 
@@ -170,9 +228,11 @@ def test_commands_show_what_a_robot_does(capsys: pytest.CaptureFixture[str]) -> 
     assert execute(["robots", "op3"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "Does 50 of 52 kinds of motion as judged; flexmotion bundles --robot op3 lists them" in told
+    assert "At its pace it does run as walk, dash as walk" in told
     assert "Refuses by name: tilt-head-right (robot/kinds: 0 of 5 runs did, 80 % pass); tilt-head-left (" in told
     assert execute(["robots", "op3", "--json"]) == 0
     kinds = json.loads(capsys.readouterr().out)["kinds"]
+    assert kinds["run"]["done_as"] == "walk" and kinds["walk"]["done_as"] is None
     assert kinds["walk"]["offered"] is True and kinds["tilt-head-left"]["offered"] is False
     for robot, tilts in (([], True), (["--robot", "op3"], False)):
         assert execute(["bundles", "default", *robot, "--json"]) == 0
