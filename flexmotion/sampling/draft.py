@@ -259,14 +259,13 @@ class Draft:
         return RestingFeet.of(feet, motion.contacts, self.layout.fps)
 
     def _walks(self, motion: Motion) -> bool:
-        """Whether the body walks, makes no gesture beside it, and nothing is asked of single frames.
+        """Whether the body walks, and nothing is asked of single frames.
 
-        Runs are balanced with their feet: their legs would be held to the end of their reach. So are walks with a
-        gesture of another human, whose arms the walk does not know: balanced over their feet they went ever faster.
+        Runs are balanced with their feet: their legs would be held to the end of their reach.
         """
         if motion.wrenches is None or motion.contacts is None or self.still is not None:
             return False
-        if not self._free or self.beside is not None or self._glides:
+        if not self._free or self._glides:
             return False
         goes = self._way(motion) * motion.fps / len(motion)
         return max(self._arrived, goes) < RUNS and abs(self._arrived - goes) < BRAKES

@@ -65,7 +65,7 @@ def test_a_walk_keeps_its_speed_over_feet_that_stay(ahead: float, turn: float) -
 
 @pytest.mark.parametrize(("text", "most"), [("walk with your hands on your hips", 1.6), ("run while waving", 3.6)])
 def test_a_gesture_beside_a_walk_does_not_speed_it_up(text: str, most: float) -> None:
-    """Balanced over its feet, a human that waved while it ran went ever faster, to 8 m/s."""
+    """Balanced over feet that stay, a human that waved while it ran went ever faster, to 8 m/s."""
     sampler = open_sampler(balanced=True)
     motion = ModelSource(sampler, [Item(0.0, Text(text))], "beside", 3, seconds=16.0).human()
     second = round(sampler.fps)
