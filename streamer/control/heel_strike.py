@@ -35,6 +35,8 @@ _SPEED = 2.5
 """Speed at which a joint leaves the plan at most [rad/s]."""
 _FADE_S = 0.05
 """Time constant with which a leg comes back to its plan once the foot is to carry the robot [s]."""
+_STRAIGHT = 0.1
+"""Sine of the bend of a knee below which its leg is nearly straight."""
 _NOTHING = 1e-5
 
 
@@ -102,7 +104,8 @@ class HeelStrike:
         """Offsets of a leg that pitch its sole about its centre, hip to ankle, (6,) [rad]; to first order.
 
         The pitch joints of hip, knee and ankle turn it, and its centre stays where it is: the ankle, which is above and
-        behind it, moves back. Sideways angles of hip and ankle are small, and left out.
+        behind it, moves back. Sideways angles of hip and ankle are small, and left out. A leg that is nearly straight
+        cannot move its ankle back: it turns the sole by the ankle alone.
 
         Args:
             toes_up: [rad].
@@ -115,7 +118,9 @@ class HeelStrike:
         sole_x, sole_z = _turned(float(leg.sole[0]), float(leg.sole[2]), hip + knee + ankle)
         leg_x, leg_z = thigh[0] + shank[0], thigh[1] + shank[1]
         # A turn by d about the axis to the left moves a point at (x, z) by d (z, -x).
-        determinant = shank[0] * leg_z - leg_x * shank[1]
+        determinant = shank[0] * leg_z - leg_x * shank[1]  # thigh times shank times the sine of the knee's bend
+        if abs(determinant) < _STRAIGHT * leg.thigh * leg.shank:
+            return leg.signs * [0.0, 0.0, 0.0, 0.0, -toes_up, 0.0]
         by_hip = toes_up * (shank[0] * sole_z - sole_x * shank[1]) / determinant
         by_knee = toes_up * (sole_x * leg_z - leg_x * sole_z) / determinant
         found = leg.signs * [0.0, 0.0, by_hip, by_knee, -toes_up - by_hip - by_knee, 0.0]

@@ -129,3 +129,16 @@ def test_a_step_back_is_left_as_it_is_planned() -> None:
     there[:2] = 2.0 * other[:2] - there[:2]
     heel.update(estimator, reference, measured=True)
     assert not heel.offset.any()
+
+
+def test_a_straight_leg_turns_its_sole_by_the_ankle_alone() -> None:
+    """A knee that was quite straight divided by zero: the loop ended in the middle of a step."""
+    heel, leg = HeelStrike(ROBOT, RETARGETER), LEGS[0]
+    for bend in (0.0, 1e-9, 0.05, 0.3):
+        q = np.zeros(ROBOT.n)
+        q[leg.indices[3]] = leg.signs[3] * bend
+        found = heel._raised(0, TOES_UP, q)
+        assert np.isfinite(found).all() and np.abs(found).max() <= 0.15
+        assert (leg.signs * found)[2:5].sum() == pytest.approx(-TOES_UP, abs=1e-9) or bend > 0.1
+        if bend < 0.1:
+            np.testing.assert_array_equal(found[[2, 3]], 0.0)
