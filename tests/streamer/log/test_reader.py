@@ -39,12 +39,17 @@ def test_the_log_holds_the_whole_record(logged: Any) -> None:
     assert [event.message for event in log.events if event.kind == "request"] == ["END"]
     assert [plan["id"] for plan in log.plans] == list(range(1, logged.session.plans.newest_id + 1))
     assert [target["clip"] for target in log.targets] == ["wave"]
+    robot = logged.session.robot
+    legs = {joint for side in ("left", "right") for joint in robot.chain(f"{side}_leg").values()}
+    above = [joint for joint in range(robot.n) if joint not in legs]
     played = [plan for plan in log.plans if plan["id"] in record.rows["plan"]]
     for plan in played:
         tick = plan["start_tick"] + 1
         row = record.rows[tick]
         if row["plan"] == plan["id"] and row["state"] == State.STREAMING:
-            np.testing.assert_allclose(plan["q"].reshape(plan["rows"], -1)[1], row["q_ref"], atol=1e-6)
+            away = np.abs(plan["q"].reshape(plan["rows"], -1)[1] - row["q_ref"])
+            # A leg that is set down ahead leaves its plan for its heel to land first.
+            assert away[above].max() < 1e-6 and away.max() <= 0.15 + 1e-6
     header = log.header
     assert header.joints == logged.session.robot.joint_names and header.settings == logged.session.settings
     assert header.start_ns - header.wall_minus_perf_ns < log.rows["stamp_ns"][0]
