@@ -89,7 +89,7 @@ def read_repertoire(robot: Robot) -> RobotRepertoire | None:
             and the field.
     """
     file = robot.folder / FILE
-    # A link to nowhere, or a folder, is no robot that was never judged: that would be offered every kind.
+    # A robot without this name was never judged, and offers every kind. A broken link or a folder is an error instead.
     if not os.path.lexists(file):
         return None
     content = load(RepertoireFile, file)

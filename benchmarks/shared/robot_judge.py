@@ -1,9 +1,9 @@
 """`Done`: how much of what the human does the robot did, and whether that makes the kind of motion.
 
 The human's excursion from the stand and the robot's are compared as vectors over all times and channels of a run, once
-the robot's lag is taken off: how much of the human's the robot made, and how much what it made is like it. Of a gesture
-that is no pose, what changes within a second, the strokes of a wave or a nod, is compared by itself as well: raised
-hands are no waving ones.
+the robot's lag is taken off: how much of the human's the robot made, and how much what it made is like it. Gestures
+that are no poses have strokes, such as those of a wave or a nod. They are what changes within a second, and are
+compared by themselves as well: raised hands do not wave.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ class Done:
 def deciding(kind: str, parts: Mapping[str, Part]) -> Done:
     """How the robot made the part that decides whether it did a kind of motion.
 
-    Of a walked turn that is the worse of turn and way: it is made of both. Of a kind that legs make it is theirs: who
-    crouches bends the legs, and ducks the head besides. Of any other it is what the robot made best: of an answer, or a
-    dance, one of the parts is enough.
+    A walked turn needs both its turn and its way: the worse one decides. The legs decide a kind that they make: who
+    crouches bends the legs, and ducks the head besides. In any other kind the part decides that the robot made best:
+    of an answer, or a dance, one part is enough.
     """
     has_strokes = not is_pose(kind) and not {"way", "turn"} & set(parts)
     made = {name: Done.of(part, has_strokes=has_strokes) for name, part in parts.items()}

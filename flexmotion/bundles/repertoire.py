@@ -50,7 +50,7 @@ def robot_repertoire(robot: Robot) -> RobotRepertoire | None:
     """What a robot was judged to do, for a model that it follows; None: it was not judged.
 
     Raises:
-        ConfigError: its file names what is no kind of motion, such as one that is misspelt.
+        ConfigError: its file names an unknown kind of motion.
     """
     own = robot.repertoire
     if own is not None:

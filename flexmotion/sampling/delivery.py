@@ -118,7 +118,8 @@ def delivered(
         segments = moved_by(np.asarray((finished.joints != window.joints).any(axis=0)), segments, finished)
         window = finished
         soles = Soles.of(whole.body, segments)
-        whole = concatenate([known.kinematics, window.kinematics])
+        # The forces do not depend on the path; that of a walk is shifted once more, from where it is now.
+        whole = concatenate([known.kinematics, window.kinematics]) if walks else whole
         needs = _needs(segments, window.body, whole, planned)
         if walks:
             shift = np.zeros((len(whole), 3))
