@@ -193,6 +193,11 @@ class Requests:
         velocity = condition.velocity if condition.wordless else self.own_velocity(condition)
         return any(velocity) if velocity is not None else condition.wordless or not self._corrections.speeds
 
+    def hurries(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is done by running, or in another manner than the normal one."""
+        velocity = self.own_velocity(condition)
+        return self.manner(condition) != NORMAL or velocity is not None and hypot(*velocity[:2]) >= RUN_FROM
+
     def write(self, condition: Condition, remembered: Float32, inputs: dict[str, np.ndarray]) -> None:
         """Write a condition of `meant` into the inputs of the network; the last of several rows is without it.
 

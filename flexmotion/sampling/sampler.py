@@ -240,6 +240,7 @@ class Sampler:
             stands=free and self.requests.stands(meant),
             quiet=asked is None and self.requests.leaves_legs(meant),
             on_the_spot=not self.requests.travels(meant),
+            hurries=self.requests.hurries(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),
             beside=condition.beside,

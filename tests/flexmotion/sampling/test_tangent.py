@@ -38,6 +38,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         stands=False,
         quiet=False,
         on_the_spot=False,
+        hurries=False,
         asked=None,
         pose=None,
         beside=None,
