@@ -18,8 +18,8 @@ def meanwhile(phrase: str) -> str | None:
     """
     known, tokens = vocabulary(), list[Token](phrase.split())
     opening = begins(tokens, 0, (*known.phrases("together"), *known.phrases("posture_opens")))
-    doing = known.words("doing") | known.words("gesturing")
-    if NEGATES.search(phrase) or not (opening or (tokens and tokens[0] in doing)):
+    doing = begins(tokens, 0, (*known.phrases("doing"), *known.phrases("gesturing")))
+    if NEGATES.search(phrase) or not (opening or doing):
         return None
     words = phrase.split()[0 if opening is None else len(opening.split()) :]
     words = list(dropwhile(lambda word: word in ("you", "are", "you're"), words))
