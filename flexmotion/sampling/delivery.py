@@ -6,7 +6,8 @@ other forces. After planting, therefore:
 1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone, in
    poses that are held at a lower one;
 2. the root's path is shifted until the ground can give what the motion needs (`balance`): of a body that stands or
-   walks over feet that legs keep on their paths, then, for what the legs' own accelerations need, with its feet;
+   walks over feet that legs keep on their paths, then, for what the legs' own accelerations need, with its feet; of a
+   body that runs with its feet, which legs keep above the floor;
 3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
 4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
 
@@ -40,6 +41,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
 from flexmotion.sampling.balance import Needs, acceleration, horizontal_shift, vertical_shift
 from flexmotion.sampling.ground_share import GroundShare, ground_share
+from flexmotion.sampling.leg_reach import smoothly_shifted
 from flexmotion.sampling.low_pass import continued
 from flexmotion.sampling.resting_feet import RestingFeet
 from flexmotion.sampling.soles import Soles
@@ -54,6 +56,9 @@ KNOWN = 2 * EDGE
 
 STANDING = 0.8 * REACH
 """A sole point that the balance relies on is lower than this [m]; the shift of the height may raise it by the rest."""
+
+SUNK = 0.005
+"""A sole that is lower than this is below the floor [m]."""
 
 _LEGS = [JOINTS.index(f"{joint}_{side}") for side in SIDES for joint in LEG_JOINTS]
 
@@ -82,6 +87,7 @@ def delivered(
     *,
     walks: bool = False,
     stops: bool = False,
+    raises: bool = False,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -99,6 +105,8 @@ def delivered(
         cutoff: at which root and legs are low-passed [Hz].
         walks: whether `finish` keeps both feet on their paths under a body that goes somewhere.
         stops: whether that is to stand after the window.
+        raises: whether legs raise feet that the balance takes below the floor: of a body that runs, over nothing that
+            is asked of them.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -110,6 +118,9 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
+    if raises and (raised := _raised(window, whole, segments, soles, contacts, planned)) is not window:
+        segments = moved_by(np.asarray((raised.joints != window.joints).any(axis=0)), segments, raised)
+        window, soles = raised, Soles.of(whole.body, segments)
     shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting, walks=walks, stops=stops)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     window = _shifted(window, shift)
@@ -143,6 +154,20 @@ def delivered(
     )
     found = _with_forces(predicted, ground, _frames(segments, made))
     return Delivered(found[:again] if again else before, found[again:])
+
+
+def _raised(
+    window: Motion, whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
+) -> Motion:
+    """The window with feet raised by their legs that its shift in height takes below the floor; else itself."""
+    stands = _usable(contacts, soles, STANDING).any(axis=(1, 2))
+    up = vertical_shift(_needs(segments, whole.body, whole, planned), np.asarray(stands))
+    below = (-SUNK - soles.height.min(axis=2) - up[:, None])[KNOWN:]
+    if below.max() <= 0.0:
+        return window
+    by = np.zeros((*below.shape, 3))
+    by[..., 2] = np.maximum(below, 0.0)
+    return smoothly_shifted(window, by, whole.joints[KNOWN - 1])
 
 
 def _shifted(window: Motion, shift: Float) -> Motion:

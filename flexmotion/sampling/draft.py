@@ -239,7 +239,8 @@ class Draft:
                 kept = resting.asked(nothing if kept is None else kept, self.anchor)
             return window if kept is None else closed(window, self.anchor, kept, segments=segments)
 
-        return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff)
+        raises = resting is None and self._keeps_feet
+        return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff, raises=raises)
 
     def _walking(self, motion: Motion, accelerations: Float) -> Delivered:
         """A planted window of a walk as it is handed on; its feet keep their paths under the body."""

@@ -75,6 +75,17 @@ def test_a_gesture_beside_a_walk_does_not_speed_it_up(text: str, most: float) ->
     assert (motion.joints < highest + 0.3).all() and (motion.joints > lowest - 0.3).all()
 
 
+@pytest.mark.parametrize("speed", [2.5, 3.0])
+def test_feet_of_a_run_stay_above_the_floor(speed: float) -> None:
+    """Feet went with the body that was balanced in height: at 3 m/s up to 10 cm below the floor."""
+    sampler = open_sampler(balanced=True)
+    for seed in range(2):
+        motion = ModelSource(sampler, [Item(0.0, Velocity(speed, 0.0, 0.0))], "run", seed, seconds=8.0).human()
+        lowest = foot_points(motion)[..., 2].min(axis=(1, 2))
+        assert lowest.min() > -0.04
+        assert (lowest < -0.01).mean() < 0.02
+
+
 def test_a_history_of_one_frame_is_enough() -> None:
     """A single frame before the window ended in an error of shapes."""
     sampler = open_sampler(balanced=True)
