@@ -45,7 +45,7 @@ FIGURES = {"hand": "m/s", "foot": "m/s", "bend": "°"}
 LEAST = {"hand": 0.5, "foot": 0.3, "bend": 20.0}
 """Below this nothing is fast or far: a foot that gives way, a hand that a nodding human moves."""
 PERCENTILE, FEWEST = 99.9, 5
-BEGINS_S, CHANGES_S, LONG_S = 1.0, 2.0, 5.0
+BEGINS_S, CHANGES_S, LONG_S = 1.0, 2.0, 4.5
 """When a kind is asked of a standing human, when after another kind, and length of a sample [s]."""
 FAST, FASTEST = 0.02, 2.0
 """Share of changes with a hand faster than the fastest gesture of people; the fastest of them over that gesture."""
