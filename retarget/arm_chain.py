@@ -159,8 +159,8 @@ class ArmChain:
         self._tips = (tips - origin) @ turned
         self._zero = model.qpos0[robot.qpos_address[self.joints]]
         self.lower, self.upper = robot.lower[self.joints], robot.upper[self.joints]
-        self._cross = _cross_matrices(self._axes)
-        self._cross_squared = self._cross @ self._cross
+        cross = _cross_matrices(self._axes)
+        self._cross, self._cross_squared = _for_poses(cross), _for_poses(cross @ cross)
         self._elbow, self._shoulder = self._divide()
         self.has_elbow = self._elbow is not None
         self.fore_joint = self._shoulder if self._elbow is None else self._elbow
@@ -170,7 +170,7 @@ class ArmChain:
             self._anchors[:, joint] = end = self._nearest(joint, end)
         # Anchors and ends of axes of the joints in turn, and the hand, (2, 2 m + 1, 3).
         pairs = np.stack([self._anchors, self._anchors + self._axes], axis=2).reshape(2, -1, 3)
-        self._at_zero = np.concatenate([pairs, self._tips[:, None]], axis=1)
+        self._at_zero = _for_poses(np.concatenate([pairs, self._tips[:, None]], axis=1))
         stand = self.poses(robot.stand_pose[self.joints])
         elbow = stand.elbow if self.has_elbow else 0.5 * (stand.shoulder + stand.hand)
         self.lengths = np.stack(
@@ -219,19 +219,19 @@ class ArmChain:
 
     def poses(self, q: Float) -> ArmPoses:
         """Segments of the arms at joint angles (..., 2, m) [rad]."""
-        batch, count = q.shape[:-1], q.shape[-1]
-        angle = np.ascontiguousarray(coordinates_first(q - self._zero))
-        # Rodrigues' formula without the identity, sin K + (1 - cos) K²: (column, row, joint, ..., 2).
-        turns = np.sin(angle) * self._for_batch(self._cross, batch)
-        turns += (1.0 - np.cos(angle)) * self._for_batch(self._cross_squared, batch)
+        batch, count = q.shape[:-2], q.shape[-1]
+        angle = np.ascontiguousarray((q - self._zero).reshape(-1, 2, count).transpose())
+        # Rodrigues' formula without the identity, sin K + (1 - cos) K²: (column, row, joint, side, pose).
+        turns = np.sin(angle) * self._cross
+        turns += (1.0 - np.cos(angle)) * self._cross_squared
         # Each joint turns what comes after it: anchors and ends of axes of later joints, and the hand.
-        points = np.empty((3, 2 * count + 1, *batch))
-        points[...] = self._for_batch(self._at_zero, batch)
+        points = np.empty((3, 2 * count + 1, *angle.shape[1:]))
+        points[...] = self._at_zero
         for k in range(count - 1, -1, -1):
             moved = points[:, 2 * k + 2 :]
-            away = moved - points[:, 2 * k, None]
-            for column in range(3):
-                moved += turns[column, :, None, k] * away[column]
+            moved += np.einsum("crsn,cpsn->rpsn", turns[:, :, k], moved - points[:, 2 * k, None])
+        # In memory poses come last, and sides before them: (3, 2m + 1, ..., 2) for those who ask.
+        points = np.moveaxis(points.reshape(3, 2 * count + 1, 2, *batch), 2, -1)
         anchors, hand = points[:, :-1:2], points[:, -1]
         axes = points[:, 1::2] - anchors
         joints = (self._shoulder,) if self._elbow is None else (self._shoulder, self._elbow)
@@ -245,12 +245,6 @@ class ArmChain:
             hand=coordinates_last(hand),
             _segments=segments,
         )
-
-    @staticmethod
-    def _for_batch(constants: Float, batch: tuple[int, ...]) -> Float:
-        """Constants of both sides, (2, k, ..., 3), coordinates first for a batch (..., 2): (3, ..., k, ..., 2)."""
-        last_first = constants.transpose()
-        return last_first.reshape(*last_first.shape[:-1], *[1] * (len(batch) - 1), 2)
 
 
 def coordinates_first(array: Float) -> Float:
@@ -270,6 +264,11 @@ def _cross(a: Float, b: Float) -> Float:
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
     return out
+
+
+def _for_poses(constants: Float) -> Float:
+    """Constants of both sides, (2, k, ..., 3), for any number of poses, coordinates first: (3, ..., k, 2, 1)."""
+    return np.ascontiguousarray(constants.transpose())[..., None]
 
 
 def _cross_matrices(axis: Float) -> Float:

@@ -84,18 +84,16 @@ def human_trunk(
     follower: Follower,
     pitch: tuple[float, float],
 ) -> Float:
-    """Targets of the trunk from the human's, (T, 4), bounded for the robot and ahead by the lag of each filter.
+    """Targets of the trunk from the human's, (F, 4), bounded for the robot and ahead by the lag of each filter.
 
     Args:
         bend: how far the trunk may bend.
-        seconds: source time of each row, constant after the last frame, (T,) [s].
+        seconds: source time of the rows that follow the human, the schedule's first ones, (F,) [s].
         follower: filter of trunk and upper body.
         pitch: of the trunk before the first row, and its speed [rad, rad/s].
     """
-    omega = follower.omega
-    targets = trunk_targets(gait, schedule)
-    lead = 2.0 / omega
-    last = seconds[-1]
+    targets, walking = trunk_targets(gait, schedule)[: len(seconds)], schedule.walking[: len(seconds)]
+    lead, last = 2.0 / follower.omega, seconds[-1]
 
     def ahead(values: Float, channel: int) -> Float:
         return window.at(values, np.minimum(seconds + lead[channel], last))
@@ -103,14 +101,14 @@ def human_trunk(
     hips = (window.kinematics.hip.mean(axis=1) - window.kinematics.ankle.min(axis=1))[:, 2]
     crouch = ahead(hips, 0) * scaling.ratio
     targets[:, 0] = np.clip(np.minimum(targets[:, 0], crouch), gait.min_hip_height, None)
-    roll_gain, pitch_gain = (np.where(schedule.walking, share, 1.0) for share in _WALKING_TILT)
+    roll_gain, pitch_gain = (np.where(walking, share, 1.0) for share in _WALKING_TILT)
     tilt = window.tilt
     targets[:, 1] = np.clip(roll_gain * ahead(tilt[:, 0], 1), -_ROLL, _ROLL)
     least, most = bend.bounds(targets[:, 0])
-    most = np.where(schedule.walking, np.minimum(most, _WALKING_PITCH), most)
+    most = np.where(walking, np.minimum(most, _WALKING_PITCH), most)
     wanted = np.clip(pitch_gain * ahead(tilt[:, 1], 2), np.maximum(least, -_PITCH_BACK), most)
     begin, speed = pitch
-    most_change = np.where(schedule.walking, _WALKING_PITCH_SPEED * follower.dt, np.inf)
+    most_change = np.where(walking, _WALKING_PITCH_SPEED * follower.dt, np.inf)
     targets[:, 2] = deepened(wanted, most_change, begin + lead[2] * speed)
     yaw = ahead(window.yaws[:, 2], 3) + scaling.heading
     targets[:, 3] += np.clip(yaw - targets[:, 3], -_TWIST, _TWIST)

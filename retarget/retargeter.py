@@ -389,10 +389,10 @@ class Retargeter:
             schedule,
             window,
             view.body_scaling,
-            held,
+            known,
             self.follower,
             (float(state.position[2]) / view.ease.size, float(state.velocity[2]) / view.ease.size),
-        )[: view.follow]
+        )
         trunk[: view.follow, 1:3] *= view.ease.size
         # The arms of an eased plan are the whole ones made smaller about the stand pose; they go on from whole ones.
         rest, size = self.robot.stand_pose[upper.joints], view.ease.size

@@ -105,18 +105,19 @@ class LegChain:
         Args:
             q: joint angles, (R, 6) [rad]; torso: (R, 3) [m]; rotation: of the torso, (R, 3, 3).
         """
-        anchors, axes, centres = (np.empty((len(q), len(self.mass), 3)) for _ in range(3))
         # Rotations about the joints' axes, (R, 6, 3, 3) (Rodrigues).
         sin, versine = np.sin(q)[..., None, None], (1.0 - np.cos(q))[..., None, None]
         turns = np.eye(3) + sin * self._cross + versine * self._cross_squared
-        point, turn = torso, rotation
+        # Of the torso and of what each joint turns, (7, R, 3, 3).
+        turned = np.empty((1 + len(self.mass), *rotation.shape))
+        turned[0] = rotation
         for k in range(len(self.mass)):
-            # The joint's anchor from the one above and its axis at once, then what it turns.
-            anchor, axes[:, k] = (turn @ self._above[k]).transpose(2, 0, 1)
-            anchors[:, k] = point = point + anchor
-            turn = turn @ turns[:, k]
-            centres[:, k] = point + turn @ self.centre[k]
-        return anchors, axes, centres
+            np.matmul(turned[k], turns[:, k], out=turned[k + 1])
+        # Each joint's anchor from the one above and its axis at once, of all joints, (2, 6, R, 3).
+        steps, axes = (turned[:-1] @ self._above[:, None]).transpose(3, 0, 1, 2)
+        anchors = np.cumsum(np.concatenate([torso[None], steps]), axis=0)[1:]
+        centres = anchors + (turned[1:] @ self.centre[:, None, :, None])[..., 0]
+        return anchors.swapaxes(0, 1), axes.swapaxes(0, 1), centres.swapaxes(0, 1)
 
 
 class SwingEffort:
