@@ -86,8 +86,8 @@ def segments_at_rest(motion: Motion, known: Mapping[str, Float] | None = None) -
         com=com,
         acceleration=np.zeros_like(com),
         angular_momentum_rate=np.zeros_like(com),
-        anchor=anchor[:, hinges],
-        axis=axis[:, hinges],
+        anchor=anchor.take(hinges, axis=1),
+        axis=axis.take(hinges, axis=1),
     )
 
 
@@ -111,14 +111,14 @@ def moved_by(joints: NDArray[np.bool_], segments: SegmentMotion, motion: Motion)
 
 def _angular_momentum_rate(inertia: Float, rotation: Float, fps: float) -> Float:
     """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3); `inertia`: their diagonals, (B, 3)."""
-    spin = rotation.swapaxes(-1, -2) @ derivative(rotation, fps)
+    # Coordinates first in memory, frames and segments last: a fifth of the time of a product for each of them.
+    own, rate = (np.ascontiguousarray(array.transpose(2, 3, 0, 1)) for array in (rotation, derivative(rotation, fps)))
+    spin = np.einsum("ji...,jk...->ik...", own, rate)
     # The antisymmetric part, in the segments' axes: finite differences are not exactly skew-symmetric.
-    local = np.empty(spin.shape[:-1])
-    np.subtract(spin[..., 2, 1], spin[..., 1, 2], out=local[..., 0])
-    np.subtract(spin[..., 0, 2], spin[..., 2, 0], out=local[..., 1])
-    np.subtract(spin[..., 1, 0], spin[..., 0, 1], out=local[..., 2])
-    local *= 0.5 * inertia
-    return derivative(np.einsum("tbij,tbj->tbi", rotation, local), fps)
+    local = np.stack([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+    local *= 0.5 * inertia.T[:, None]
+    momentum = np.einsum("ij...,j...->i...", own, local)
+    return derivative(np.ascontiguousarray(momentum.transpose(1, 2, 0)), fps)
 
 
 @lru_cache(maxsize=32)

@@ -235,11 +235,12 @@ def _capture(fps: float, frequency: float, frames: int) -> Float:
 
 def _within(point: Float, edge: Float) -> Float:
     """Points brought into regions that are bounded along `OUTWARD`, (R, 2)."""
-    every = np.arange(len(point))
+    first = np.arange(0, edge.size, edge.shape[1])
     for _ in range(PROJECTIONS):
         beyond = point @ OUTWARD - edge
         worst = beyond.argmax(axis=1)
-        point = point - np.maximum(beyond[every, worst], 0.0)[:, None] * _NORMALS[worst]
+        # `take` of flat places: half of the time of `beyond[every, worst]`.
+        point = point - np.maximum(beyond.take(first + worst), 0.0)[:, None] * _NORMALS.take(worst, axis=0)
     return point
 
 

@@ -182,7 +182,12 @@ class Draft:
     @cached_property
     def _feet_before(self) -> Float:
         """Heel and toe of both feet in the last known frame, in the world, (1, 2, 2, 3) [m]."""
-        return foot_points(self.history[len(self.history) - 1 :]) if self.still is None else self.still.feet[None]
+        return self._feet_arriving[-1:] if self.still is None else self.still.feet[None]
+
+    @cached_property
+    def _feet_arriving(self) -> Float:
+        """Heel and toe of both feet in the last known frames, in the world, (at most ARRIVING, 2, 2, 3) [m]."""
+        return foot_points(self.history[max(0, len(self.history) - ARRIVING) :])
 
     def delivered(
         self, motion: Motion, found: Float32, constraints: Constraints | None = None, *, closes: bool = True
@@ -278,8 +283,7 @@ class Draft:
     @cached_property
     def _glides(self) -> bool:
         """Whether the feet slide on as the body comes into the window: after a run that is to stop, no leg holds it."""
-        last = foot_points(self.history[max(0, len(self.history) - ARRIVING) :])[..., :2]
-        speed = np.linalg.norm(np.diff(last, axis=0), axis=-1) * self.history.fps
+        speed = np.linalg.norm(np.diff(self._feet_arriving[..., :2], axis=0), axis=-1) * self.history.fps
         return bool(len(speed) and speed.min(axis=(1, 2)).mean() > GLIDES)
 
     def _way(self, motion: Motion) -> float:

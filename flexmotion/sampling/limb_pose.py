@@ -47,26 +47,31 @@ class LimbPose:
         A product of exponentials about the hinges as they are (Brockett 1984), from the trunk outwards: what a hinge
         carries is turned by it and then by all before it, the way to it by those before it alone.
         """
-        hinges, turn = change.shape[1], _turns(self.axis, change)
-        by = np.empty((len(change), hinges + 1, 3, 3))  # of what the first so many hinges carry
-        by[:, 0] = np.eye(3)
+        hinges = change.shape[1]
+        # Coordinates first in memory, frames last: a fifth of the time of a product for every frame and vector.
+        axis, anchor, points = (array.transpose(2, 1, 0) for array in (self.axis, self.anchor, self.points))
+        axis = np.ascontiguousarray(axis)
+        turn = _turns(axis, np.ascontiguousarray(change.T))
+        by = np.empty((3, 3, hinges + 1, len(change)))  # of what the first so many hinges carry
+        by[:, :, 0] = np.eye(3)[..., None]
         for hinge in range(hinges):
-            np.matmul(by[:, hinge], turn[:, hinge], out=by[:, hinge + 1])
+            np.einsum("ijw,jkw->ikw", by[:, :, hinge], turn[:, :, hinge], out=by[:, :, hinge + 1])
         inner = [max(count - 1, 0) for count in self.carried]  # hinge from which a point's way is counted
-        ways = np.concatenate(
-            [self.anchor[:, 1:] - self.anchor[:, :-1], self.points - self.anchor[:, inner], self.axis], axis=1
-        )
+        ways = np.concatenate([anchor[:, 1:] - anchor[:, :-1], points - anchor[:, inner], axis], axis=1)
         every = [*range(1, hinges), *self.carried, *range(hinges)]
-        found = (by[:, every] @ ways[..., None])[..., 0]
+        found = np.einsum("ijkw,jkw->ikw", by.take(every, axis=2), ways)
         steps, beyond, axis = found[:, : hinges - 1], found[:, hinges - 1 : -hinges], found[:, -hinges:]
-        anchor = np.concatenate([self.anchor[:, :1], steps], axis=1).cumsum(axis=1)
-        return LimbPose(anchor, axis, anchor[:, inner] + beyond, self.carried)
+        anchor = np.concatenate([anchor[:, :1], steps], axis=1).cumsum(axis=1)
+        anchor, axis, points = (
+            np.ascontiguousarray(array.transpose(2, 1, 0)) for array in (anchor, axis, anchor[:, inner] + beyond)
+        )
+        return LimbPose(anchor, axis, points, self.carried)
 
 
 def _turns(axis: Float, angle: Float) -> Float:
-    """Rotation matrices about unit vectors (..., 3) by (...) [rad], (..., 3, 3)."""
+    """Rotation matrices about unit vectors (3, ...) by (...) [rad], (3, 3, ...)."""
     sine, cosine = np.sin(angle), np.cos(angle)
-    found = ((1.0 - cosine)[..., None] * axis)[..., None] * axis[..., None, :]
-    np.einsum("...ii->...i", found)[...] += cosine[..., None]
-    add_cross(found, sine[..., None] * axis)
+    found = ((1.0 - cosine) * axis)[:, None] * axis
+    np.einsum("ii...->i...", found)[...] += cosine
+    add_cross(found.transpose(*range(2, found.ndim), 0, 1), (sine * axis).transpose(*range(1, axis.ndim), 0))
     return found

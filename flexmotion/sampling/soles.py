@@ -82,7 +82,7 @@ class Soles:
         Args:
             usable: whether the ground can act at a point, (T, 2, 12).
         """
-        along = (self.points.reshape(-1, 2) @ OUTWARD).reshape(len(usable), -1, DIRECTIONS)
-        np.copyto(along, NOWHERE, where=~usable.reshape(len(usable), -1, 1))
-        found: Float = along.max(axis=1)
+        along = self.points.reshape(-1, 2) @ OUTWARD
+        along[~usable.reshape(-1)] = NOWHERE
+        found: Float = along.reshape(len(usable), -1, DIRECTIONS).max(axis=1)
         return found
