@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -53,6 +54,8 @@ STAND_CYCLE_S = 0.5
 """The pushes of a robot that stands are spread over the time between two plans, about [s]."""
 SMALL, SMALL_STANDING, SMALL_WALKING, RECOVERABLE = 0.3, 0.98, 0.90, 0.95
 """Size of push [N·s] and share upright that is wanted; that of all recoverable pushes."""
+SOLE_M = 0.002
+"""What is no further from the plane of a sole belongs to it [m]."""
 TURNED = 0.381966
 """Part of the step between two directions, or phases, by which those of the next seed are turned: none repeats."""
 
@@ -94,6 +97,26 @@ class Trial:
         return self.steps >= 0
 
 
+def sole_of(robot: Robot) -> np.ndarray:
+    """Half the length and width of the box around all that a foot stands on, of the smaller foot, (2,) [m].
+
+    Plans keep to the box of the robot file, which may be smaller: OP3 stands on a wide and a long one.
+    """
+    model, found = robot.model, []
+    ends = np.array(list(product((-1.0, 1.0), repeat=3)))
+    for body, centre in zip(robot.foot_ids, robot.soles, strict=True):
+        corners = []
+        for geom in np.flatnonzero((model.geom_bodyid == body) & ((model.geom_contype | model.geom_conaffinity) != 0)):
+            rotation = np.zeros(9)
+            mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+            box = model.geom_aabb[geom, :3] + ends * model.geom_aabb[geom, 3:]
+            corners.append(model.geom_pos[geom] + box @ rotation.reshape(3, 3).T - centre)
+        away = np.abs(np.concatenate(corners))
+        found.append(away[away[:, 2] <= SOLE_M, :2].max(axis=0))
+    smaller: np.ndarray = np.min(found, axis=0)
+    return smaller
+
+
 def walker_of(session: Session) -> Walker:
     """What the steps of a session's robot can do."""
     retargeter = session.planner.retargeter
@@ -102,7 +125,7 @@ def walker_of(session: Session) -> Walker:
     return Walker(
         omega=retargeter.omega,
         step_s=swings.least_s + gait.double_support_min_s,
-        sole=np.asarray(session.robot.sole_half_size.min(axis=0)),
+        sole=sole_of(session.robot),
         ahead=np.array([-stride, stride]),
         aside=np.array(gait.lateral),
     )

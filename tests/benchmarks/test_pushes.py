@@ -1,11 +1,11 @@
-"""How far a push moves the divergent component of a robot, by the height at which it acts."""
+"""What the judge of pushes knows of a robot: its sole, and how far a push moves its divergent component."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from benchmarks.robot.pushes import PUSHED_S, pushed_by, walker_of
+from benchmarks.robot.pushes import PUSHED_S, pushed_by, sole_of, walker_of
 from benchmarks.shared.branches import copied_memory
 from flexmotion.configs.robot import load_robot
 from flexmotion.drivers.registry import create
@@ -27,6 +27,13 @@ def pendulum_after(driver: SimDriver, omega: float, impulse: np.ndarray, height:
         speed = speed + dt * (omega**2 * x + impulse / PUSHED_S * height / (mass * z))
         x = x + dt * speed
     return x + speed / omega
+
+
+def test_the_sole_of_the_judge_was_the_wide_box_alone_and_ended_before_the_toes() -> None:
+    """Pushed ahead, OP3 had its zero-moment point 7 mm beyond the sole that the judge gave it."""
+    op3 = load_robot("op3")
+    assert sole_of(op3) == pytest.approx([0.0635, 0.0390], abs=5e-4)
+    assert (sole_of(op3) >= op3.sole_half_size.min(axis=0)).all()
 
 
 def test_a_push_on_the_torso_was_counted_as_one_at_the_centre_of_mass() -> None:
