@@ -4,8 +4,9 @@ In lockstep, nominal: the robot stands, or walks as the shipped model does. At e
 split, and the torso of each copy is pushed for .1 s in one direction. A robot is upright if it never tilts by 45° in
 the seconds after the push. Beside the share upright stands the share of pushes that N-step capturability calls
 recoverable (`benchmarks/shared/capturability.py`), from the true pose and speed at the push, with this robot's
-shortest steps, its longest strides, its soles, and the time that its plan leaves the foot that swings. A push before
-which the robot is on its way to a fall counts as all others.
+shortest steps, its longest strides, its soles, and the time that its plan leaves the foot that swings. A push acts on
+the torso, above the centre of mass, and turns the robot too (`pushed_by`). A push before which the robot is on its way
+to a fall counts as all others.
 
 `--search FOLDER` searches the robot's push correction (`configs/push_correction.py`) by CMA-ES for the given time, or
 goes on with what is in the folder; the result is `FOLDER/push_correction.yaml`. It needs the extra `tune`.
@@ -17,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -52,6 +54,8 @@ STAND_CYCLE_S = 0.5
 """The pushes of a robot that stands are spread over the time between two plans, about [s]."""
 SMALL, SMALL_STANDING, SMALL_WALKING, RECOVERABLE = 0.3, 0.98, 0.90, 0.95
 """Size of push [N·s] and share upright that is wanted; that of all recoverable pushes."""
+SOLE_M = 0.002
+"""What is no further from the plane of a sole belongs to it [m]."""
 TURNED = 0.381966
 """Part of the step between two directions, or phases, by which those of the next seed are turned: none repeats."""
 
@@ -67,6 +71,7 @@ class Trial:
         direction_deg: of the push, from the robot's heading, counterclockwise.
         size: impulse [N·s].
         steps: fewest steps that capture it; -1: it is not recoverable.
+        steps_at_com: likewise, if it acted at the centre of mass.
         steps_after: fewest steps that capture what the robot has become by its end; -1: none do.
         upright: the robot did not fall.
         landings: of feet, by plan, in the seconds after the push.
@@ -80,6 +85,7 @@ class Trial:
     direction_deg: float
     size: float
     steps: int
+    steps_at_com: int
     steps_after: int
     upright: bool
     landings: int
@@ -91,6 +97,26 @@ class Trial:
         return self.steps >= 0
 
 
+def sole_of(robot: Robot) -> np.ndarray:
+    """Half the length and width of the box around all that a foot stands on, of the smaller foot, (2,) [m].
+
+    Plans keep to the box of the robot file, which may be smaller: OP3 stands on a wide and a long one.
+    """
+    model, found = robot.model, []
+    ends = np.array(list(product((-1.0, 1.0), repeat=3)))
+    for body, centre in zip(robot.foot_ids, robot.soles, strict=True):
+        corners = []
+        for geom in np.flatnonzero((model.geom_bodyid == body) & ((model.geom_contype | model.geom_conaffinity) != 0)):
+            rotation = np.zeros(9)
+            mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+            box = model.geom_aabb[geom, :3] + ends * model.geom_aabb[geom, 3:]
+            corners.append(model.geom_pos[geom] + box @ rotation.reshape(3, 3).T - centre)
+        away = np.abs(np.concatenate(corners))
+        found.append(away[away[:, 2] <= SOLE_M, :2].max(axis=0))
+    smaller: np.ndarray = np.min(found, axis=0)
+    return smaller
+
+
 def walker_of(session: Session) -> Walker:
     """What the steps of a session's robot can do."""
     retargeter = session.planner.retargeter
@@ -99,25 +125,43 @@ def walker_of(session: Session) -> Walker:
     return Walker(
         omega=retargeter.omega,
         step_s=swings.least_s + gait.double_support_min_s,
-        sole=np.asarray(session.robot.sole_half_size.min(axis=0)),
+        sole=sole_of(session.robot),
         ahead=np.array([-stride, stride]),
         aside=np.array(gait.lateral),
     )
 
 
-def needed_steps(session: Session, driver: SimDriver, impulse: np.ndarray) -> int:
+def pushed_by(driver: SimDriver, walker: Walker, impulse: np.ndarray, *, height: float) -> np.ndarray:
+    """How far a push of `PUSHED_S` that begins now moves the divergent component, (2,) [m].
+
+    A linear inverted pendulum has no angular momentum about its centre of mass. So all of the moment of a push about
+    the ground, impulse times height, becomes that of its speed, mass times speed times height of the centre of mass: a
+    push above that counts for more. A robot that lets its torso turn pays later, until the torso leans too far.
+
+    Args:
+        impulse: in the world frame, (2,) [N·s].
+        height: above the ground at which it acts [m].
+    """
+    mass, com = driver.model.body_subtreemass[0], driver.data.subtree_com[0]
+    # A push that lasts moves the pendulum as a shorter one at its begin does.
+    lasts = walker.omega * PUSHED_S
+    spread = float((1.0 - np.exp(-lasts)) / lasts)
+    found: np.ndarray = impulse * spread * (height / com[2]) / (mass * walker.omega)
+    return found
+
+
+def needed_steps(session: Session, driver: SimDriver, impulse: np.ndarray, *, at_com: bool = False) -> int:
     """Fewest steps that capture a push from now on, by the robot's true state; -1: none do.
 
     Args:
         impulse: in the world frame, (2,) [N·s].
+        at_com: the push acts at the centre of mass, not that of the torso.
     """
     walker, data, robot = walker_of(session), driver.data, session.robot
     mujoco.mj_subtreeVel(driver.model, data)
-    com, speed = data.subtree_com[driver.model.body("world").id], data.subtree_linvel[0]
-    # A push that lasts moves the pendulum as a shorter one at its begin does.
-    lasts = walker.omega * PUSHED_S
-    jump = impulse * float((1.0 - np.exp(-lasts)) / lasts) / (driver.model.body_subtreemass[0] * walker.omega)
-    dcm = com[:2] + speed[:2] / walker.omega + jump
+    com, speed = data.subtree_com[0], data.subtree_linvel[0]
+    height = float(com[2] if at_com else data.xipos[robot.torso_id, 2])
+    dcm = com[:2] + speed[:2] / walker.omega + pushed_by(driver, walker, impulse, height=height)
     truth = driver.truth()
     matrices = data.xmat[np.asarray(robot.foot_ids)].reshape(2, 3, 3)
     feet = np.column_stack([truth.foot_position[:, :2], np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])])
@@ -140,7 +184,7 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
     forward = driver.data.xmat[session.robot.torso_id].reshape(3, 3)[:, 0]
     angle = np.arctan2(forward[1], forward[0]) + np.radians(direction_deg)
     x, y = size * np.cos(angle), size * np.sin(angle)
-    steps = needed_steps(session, driver, np.array([x, y]))
+    steps, steps_at_com = (needed_steps(session, driver, np.array([x, y]), at_com=at_com) for at_com in (False, True))
     single = not session.state.contacts.all()
     driver.push((float(x), float(y), 0.0), PUSHED_S)
     upright, landings, before, steps_after = True, 0, session.state.contacts, -1
@@ -154,7 +198,18 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
         landings += int((contacts & ~before).sum())
         before = contacts
     return Trial(
-        walk, seed, phase, single, direction_deg, size, steps, steps_after, upright, landings, driver.violations
+        walk,
+        seed,
+        phase,
+        single,
+        direction_deg,
+        size,
+        steps,
+        steps_at_com,
+        steps_after,
+        upright,
+        landings,
+        driver.violations,
     )
 
 
@@ -260,7 +315,8 @@ def table(walk: str, trials: list[Trial]) -> Table:
     """One row a size: share upright, in all directions and in each.
 
     "Recoverable" knows the push before it begins. "At its end" is what the robot has become by then, before most of an
-    answer: what is lost by then, no later answer wins back. Behind both stands the share of these pushes upright.
+    answer: what is lost by then, no later answer wins back; that it turns, as walks do too, is left out. Behind both
+    stands the share of these pushes upright.
     """
     names = (
         "N·s",
@@ -294,11 +350,14 @@ def figures_of(trials: list[Trial]) -> dict[str, dict[str, float]]:
     for size in sorted({t.size for t in trials}):
         own = [t for t in trials if t.size == size]
         can = [t for t in own if t.recoverable]
+        low = [t for t in own if t.steps_at_com >= 0]
         found[f"{size:g}"] = {
             "pushes": float(len(own)),
             "upright": share([t.upright for t in own]),
             "recoverable": share([t.recoverable for t in own]),
             "recoverable_upright": share([t.upright for t in can]),
+            "recoverable_at_com": share([t.steps_at_com >= 0 for t in own]),
+            "recoverable_at_com_upright": share([t.upright for t in low]),
             "recoverable_at_its_end": share([t.steps_after >= 0 for t in own]),
             "without_a_step": share([t.steps == 0 for t in own]),
             "landings": float(np.mean([t.landings for t in own])),
@@ -320,6 +379,8 @@ def verdicts(trials: list[Trial]) -> list[Verdict]:
     )
     left = [t.upright for t in trials if t.recoverable and t.steps_after >= 0]
     text += f"; of {len(left)} that are so when the push ends {percent(left)}"
+    low = [t.upright for t in trials if t.steps_at_com >= 0]
+    text += f"; of {len(low)} that would be if pushes acted at the centre of mass {percent(low)}"
     sent = sum(t.violations for t in trials)
     return [
         *found,
