@@ -38,7 +38,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
-from flexmotion.sampling.balance import Needs, acceleration, horizontal_shift, vertical_shift
+from flexmotion.sampling.balance import BALANCE, Balance, Needs, acceleration, horizontal_shift, vertical_shift
 from flexmotion.sampling.ground_share import GroundShare, ground_share
 from flexmotion.sampling.low_pass import continued
 from flexmotion.sampling.resting_feet import RestingFeet
@@ -82,6 +82,7 @@ def delivered(
     *,
     walks: bool = False,
     stops: bool = False,
+    settings: Balance = BALANCE,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -99,6 +100,7 @@ def delivered(
         cutoff: at which root and legs are low-passed [Hz].
         walks: whether `finish` keeps both feet on their paths under a body that goes somewhere.
         stops: whether that is to stand after the window.
+        settings: weights of the balance.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -110,7 +112,9 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting, walks=walks, stops=stops)
+    shift, needs = _balanced(
+        whole, segments, soles, contacts, planned, stays, resting, settings, walks=walks, stops=stops
+    )
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     window = _shifted(window, shift)
     finished = finish(window, _frames(segments, slice(KNOWN, None)))
@@ -179,6 +183,7 @@ def _balanced(
     planned: Float,
     stays: Flags | None,
     resting: RestingFeet | None,
+    settings: Balance,
     *,
     walks: bool,
     stops: bool,
@@ -195,7 +200,7 @@ def _balanced(
         soles = replace(soles, points=soles.points + away[:, :, None])
     bounds, kept = soles.bounds(usable), _staying(usable, stays)
     goes_on = Walks.of(whole, segments, soles, KNOWN, stops=stops) if walks else None
-    level = horizontal_shift(lifted, bounds, kept, stands=resting is not None, walks=goes_on)
+    level = horizontal_shift(lifted, bounds, kept, settings, stands=resting is not None, walks=goes_on)
     shift[:, :2] = level
     return shift, lifted.shifted(shift * [1.0, 1.0, 0.0])
 
