@@ -5,7 +5,8 @@ Wasserstein distance between the halves is what people differ by; then the model
 its clips is sampled anew from its first frames, for as long. Both are means over forty partings: with two, real clips
 in place of samples failed in 6 of 31 kinds of trunk pitch, by chance in 3 to 10. A clip of a pose begins and ends with
 hanging arms, but a pose that is asked for is held until something else is asked. Clips and samples of poses are
-compared from the first to the last frame in the pose, clips of repeated strokes from their first stroke to their last.
+compared from the first to the last frame in the pose, clips of repeated strokes from their first stroke to their last,
+of turns from the first to the last step that turns.
 Left clips are mirrored to the right. Fails where a figure of a kind is further from the recorded half than `LIMIT`
 times the halves from each other, or where samples of a kind skate 1.2 times as much as its clips (of those that skate
 in 5 % of the frames or more) or jerk 1.5 times as much. With `--plots` film strips and the distributions of each kind
@@ -31,6 +32,7 @@ from scipy.stats import wasserstein_distance
 from benchmarks.model.motion_pictures import Strip, draw_strip
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body
 from benchmarks.model.real_clips import kind_of, real_clips
+from benchmarks.model.speeds import TURNS
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
@@ -42,8 +44,10 @@ from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.dataset.meaning import shown
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.course import MEASURED_S
 from flexmotion.sampling.rhythm import rhythm_kinds
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.targets import Target
@@ -117,9 +121,30 @@ def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
                     round((part.left or part.end) * sampler.fps),
                 )
                 own = own[max(first, 0) : max(last, 0)]
+            if turns(sampler, kind):
+                # Clips lead up to a turn and away from it, and a sample turns from its first step to its last.
+                own = turning_part(own, sampler.remembers)
             if len(own) >= sampler.remembers + SHORTEST_S * sampler.fps:
                 clips[kind].append(own)
     return clips
+
+
+def turns(sampler: Sampler, kind: str) -> bool:
+    """Whether a kind of motion is one that turns all the time."""
+    speed = sampler.bundle.manifest.corrections.speed(kind, NORMAL)
+    return speed is not None and bool(speed[2])
+
+
+def turning_part(motion: Motion, before: int) -> Motion:
+    """A motion from the first to the last frame in which it turns, and so many frames before them, where it has them.
+
+    A frame's turning is the mean over the gait cycle around it, as that of `model/speeds`.
+    """
+    cycle = round(MEASURED_S * motion.fps)
+    headings = continuous_heading(motion.root_quaternion)
+    rate = (headings[cycle:] - headings[:-cycle]) / MEASURED_S
+    frames = np.flatnonzero(np.abs(rate) > TURNS) + cycle // 2
+    return motion[max(int(frames[0]) - before, 0) : int(frames[-1]) + 1] if len(frames) else motion[:0]
 
 
 def checks(kind: str) -> Mapping[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, measured, parted, verdicts
+from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, measured, parted, turning_part, verdicts
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body, step_widths
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.body import Body, Segments
@@ -16,6 +16,8 @@ from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.default_clip import default_clip
+
+from ..standing_human import standing
 
 HAND_UP = {"rises": "right"}
 
@@ -60,6 +62,16 @@ def test_a_kind_without_a_side_counts_both(circling) -> None:
 def test_a_trunk_that_bends_forward_has_a_positive_pitch(circling) -> None:
     upright, bowed = (figures(bent(circling(10), "lumbar_extension", angle)) for angle in (0.0, -30.0))
     np.testing.assert_allclose(bowed["trunk pitch"] - upright["trunk pitch"], 30.0, atol=2.0)
+
+
+def test_a_turn_is_compared_while_it_turns() -> None:
+    """Half of a clip of a turn is straight, and samples turn all the time: their arms swung as if they did it wrong."""
+    yaw = np.concatenate([np.zeros(60), 0.7 / 30.0 * np.arange(60), np.full(60, 0.7 * 2.0)])
+    turned = np.column_stack([np.cos(yaw / 2), np.zeros((180, 2)), np.sin(yaw / 2)])
+    straight = standing(6.0)[:180]
+    part = turning_part(replace(straight, root_quaternion=turned), 12)
+    assert 12 + 60 <= len(part) <= 12 + 60 + 32
+    assert not len(turning_part(straight, 12)), "it does not turn at all"
 
 
 def test_people_in_the_place_of_samples_are_as_near_as_people() -> None:
