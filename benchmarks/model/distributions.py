@@ -170,6 +170,15 @@ def held_part(motion: Motion, check: Mapping[str, Any]) -> Held:
     return Held(motion[part], pose[part])
 
 
+def is_in_pose(motion: Motion, check: Mapping[str, Any]) -> bool:
+    """Whether a motion is ever in the pose that is asked for, where one is.
+
+    On the model's body a hand of somebody with wider shoulders misses the heart: no clip of a hand on the heart.
+    """
+    pose = in_pose(motion, check)
+    return pose is None or bool(pose.any())
+
+
 def streamed(sampler: Sampler, kind: str, begin: Motion, frames: int, seed: int) -> Motion:
     """The live source's motion after a history, as handed on."""
     source = ModelSource(sampler, [], "distributions", seed)
@@ -209,7 +218,9 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
         draws: halves of the clips that are sampled, at most all.
         seed: of the samples and of the partings.
     """
-    half, began = min(MOST, len(clips) // 2), sampler.remembers
+    began = sampler.remembers
+    clips = [clip for clip in clips if is_in_pose(clip[began:], checks(kind))]
+    half = min(MOST, len(clips) // 2)
     random = np.random.default_rng([seed])
     drawn = random.permutation(len(clips))[: draws * half]
     recorded = [held_part(clip[began:], checks(kind)) for clip in clips]

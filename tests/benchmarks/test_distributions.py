@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.model.distributions import LIMIT, Compared, Held, held_part, measured, parted, turning_part, verdicts
+from benchmarks.model.distributions import (
+    LIMIT,
+    Compared,
+    Held,
+    held_part,
+    is_in_pose,
+    measured,
+    parted,
+    turning_part,
+    verdicts,
+)
 from benchmarks.model.posture_figures import FIGURES, figures, in_pose, on_body, step_widths
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.body import Body, Segments
@@ -95,6 +105,14 @@ def test_a_pose_is_compared_while_it_is_held(circling) -> None:
     assert len(part.motion) == 25 and figures(part.motion, part.pose)["time in pose"] == pytest.approx([100.0])
     assert len(held_part(circling(60), HAND_UP).motion) == 60  # never in it: all of it counts
     assert len(held_part(clip, {}).motion) == 60
+
+
+def test_a_clip_that_misses_its_pose_is_none_of_it(circling) -> None:
+    """3 of 44 hands on the heart miss it on the model's body: samples, which never do, were further from clips."""
+    clip = circling(60)
+    assert not is_in_pose(clip, HAND_UP)
+    assert is_in_pose(bent(clip, "shoulder_flexion_r", 170.0, 20, 45), HAND_UP)
+    assert is_in_pose(clip, {})
 
 
 def test_a_pose_that_is_left_in_between_is_less_time_in_it(circling) -> None:
