@@ -19,7 +19,7 @@ from flexmotion.features.decode import Anchor
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
-from flexmotion.spatial.heading import continuous_heading, wrapped
+from flexmotion.spatial.heading import continuous_heading, heading, wrapped
 
 Float = NDArray[np.float64]
 Velocity = tuple[float, float, float]
@@ -125,8 +125,8 @@ class Course:
         settled = self.settled + _turned_by(past, played) if self.stood else 0.0
         if self.led is None:  # a course begins where the body comes to rest, too
             settled = wrapped(Anchor.after(past).yaw - measured.heading)
-        course = replace(course._on(request, direction, measured, played), led=led, rate=rate, way=way, going=going)
-        course = replace(course, stood=False, settled=settled)
+        course = course._on(request, direction, measured, played)
+        course = replace(course, led=led, rate=rate, way=way, going=going, stood=False, settled=settled)
         # Asked is the mean heading of the window's end, of a body that turns evenly from where it should be by now and
         # swings as it did.
         error = wrapped(float(led.mean()) - measured.heading)
@@ -260,8 +260,8 @@ def _turned(going: tuple[float, float], headings: Float) -> Float:
 
 def _turned_by(past: Motion, frames: int) -> float:
     """How far a body has turned in its last frames [rad]."""
-    last = continuous_heading(past.root_quaternion[-frames - 1 :])
-    return float(last[-1] - last[0])
+    first, last = heading(past.root_quaternion[[max(len(past) - frames - 1, 0), -1]])
+    return wrapped(float(last - first))
 
 
 def _between_feet(past: Motion) -> tuple[float, float]:

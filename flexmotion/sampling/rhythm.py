@@ -37,9 +37,9 @@ SIZES = 8
 BETWEEN, PAUSE = "between", (0.3, 0.9)
 """Pose between two repetitions of a gesture of one pose (a shrug), and for how long it is held [s]."""
 
-BEYOND = 10
+BEYOND = 7
 """Frames on both sides of a window that its low-passed path is made from: what is farther away changes it by less than
-.01°."""
+.02°."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
