@@ -70,6 +70,10 @@ class Balance:
 
 BALANCE = Balance()
 
+STILL = replace(BALANCE, standing_margin=BALANCE.margin)
+"""Of a body whose pelvis and legs are still: nothing but its arms and head accelerates it. People that are to nod stand
+nearer to their toes than 5 cm, and were moved to and fro by 5 mm."""
+
 LIGHT = 0.1
 """With less vertical force than this share of the body's weight a frame has no zero-moment point to speak of."""
 

@@ -19,7 +19,7 @@ from flexmotion.features.decode import Anchor
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
-from flexmotion.spatial.heading import continuous_heading, wrapped
+from flexmotion.spatial.heading import continuous_heading, heading, wrapped
 
 Float = NDArray[np.float64]
 Velocity = tuple[float, float, float]
@@ -73,6 +73,8 @@ class Course:
         direction: of travel, from the own heading [rad]; None in place.
         rested: whether who stands came to rest, at its place.
         slow: sum of what the speed of words lacked [m/s].
+        stood: whether who stands was left alone in the last window: nothing was asked of its heading.
+        settled: how far it has turned since it is left alone, over feet that stay [rad].
         frames: for which the request has been followed.
         request: what it is followed for.
     """
@@ -85,6 +87,8 @@ class Course:
     direction: float | None = None
     rested: bool = False
     slow: float = 0.0
+    stood: bool = False
+    settled: float = 0.0
     frames: int = 0
     request: Condition | None = None
 
@@ -118,7 +122,11 @@ class Course:
             measured = replace(measured, place=_between_feet(past))
         course, led = self._led_to(measured, past.fps, played)
         way = self._way_to(past, played) if direction is not None and request.velocity is not None else None
-        course = replace(course._on(request, direction, measured, played), led=led, rate=rate, way=way, going=going)
+        settled = self.settled + _turned_by(past, played) if self.stood else 0.0
+        if self.led is None:  # a course begins where the body comes to rest, too
+            settled = wrapped(Anchor.after(past).yaw - measured.heading)
+        course = course._on(request, direction, measured, played)
+        course = replace(course, led=led, rate=rate, way=way, going=going, stood=False, settled=settled)
         # Asked is the mean heading of the window's end, of a body that turns evenly from where it should be by now and
         # swings as it did.
         error = wrapped(float(led.mean()) - measured.heading)
@@ -248,6 +256,12 @@ def _turned(going: tuple[float, float], headings: Float) -> Float:
     """A velocity in the own heading, at each heading (N,), in the world, (N, 2) [m/s]."""
     c, s = np.cos(headings), np.sin(headings)
     return np.stack([c * going[0] - s * going[1], s * going[0] + c * going[1]], axis=1)
+
+
+def _turned_by(past: Motion, frames: int) -> float:
+    """How far a body has turned in its last frames [rad]."""
+    first, last = heading(past.root_quaternion[[max(len(past) - frames - 1, 0), -1]])
+    return wrapped(float(last - first))
 
 
 def _between_feet(past: Motion) -> tuple[float, float]:

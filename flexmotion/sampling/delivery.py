@@ -39,7 +39,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, LEG_JOINTS, SIDES
-from flexmotion.sampling.balance import Needs, acceleration, horizontal_shift, vertical_shift
+from flexmotion.sampling.balance import BALANCE, Balance, Needs, acceleration, horizontal_shift, vertical_shift
 from flexmotion.sampling.ground_share import GroundShare, ground_share
 from flexmotion.sampling.leg_reach import smoothly_shifted
 from flexmotion.sampling.low_pass import continued
@@ -88,6 +88,7 @@ def delivered(
     walks: bool = False,
     stops: bool = False,
     raises: bool = False,
+    settings: Balance = BALANCE,
 ) -> Delivered:
     """Make the forces of a window and of the frames before it those of their motion.
 
@@ -107,6 +108,7 @@ def delivered(
         stops: whether that is to stand after the window.
         raises: whether legs raise feet that the balance takes below the floor: of a body that runs, over nothing that
             is asked of them.
+        settings: weights of the balance.
     """
     last = past[max(0, len(past) - KNOWN) :]
     before = last[max(0, len(last) - EDGE) :]
@@ -121,7 +123,9 @@ def delivered(
     if raises and (raised := _raised(window, whole, segments, soles, contacts, planned)) is not window:
         segments = moved_by(np.asarray((raised.joints != window.joints).any(axis=0)), segments, raised)
         window, soles = raised, Soles.of(whole.body, segments)
-    shift, needs = _balanced(whole, segments, soles, contacts, planned, stays, resting, walks=walks, stops=stops)
+    shift, needs = _balanced(
+        whole, segments, soles, contacts, planned, stays, resting, settings, walks=walks, stops=stops
+    )
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     window = _shifted(window, shift)
     finished = finish(window, _frames(segments, slice(KNOWN, None)))
@@ -204,6 +208,7 @@ def _balanced(
     planned: Float,
     stays: Flags | None,
     resting: RestingFeet | None,
+    settings: Balance,
     *,
     walks: bool,
     stops: bool,
@@ -220,7 +225,7 @@ def _balanced(
         soles = replace(soles, points=soles.points + away[:, :, None])
     bounds, kept = soles.bounds(usable), _staying(usable, stays)
     goes_on = Walks.of(whole, segments, soles, KNOWN, stops=stops) if walks else None
-    level = horizontal_shift(lifted, bounds, kept, stands=resting is not None, walks=goes_on)
+    level = horizontal_shift(lifted, bounds, kept, settings, stands=resting is not None, walks=goes_on)
     shift[:, :2] = level
     return shift, lifted.shifted(shift * [1.0, 1.0, 0.0])
 

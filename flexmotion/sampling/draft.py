@@ -23,6 +23,7 @@ from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
 from flexmotion.sampling.at_rest import at_rest
+from flexmotion.sampling.balance import BALANCE, STILL
 from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.delivery import Delivered, delivered
 from flexmotion.sampling.kept_pose import KeptPose
@@ -244,8 +245,10 @@ class Draft:
                 kept = resting.asked(nothing if kept is None else kept, self.anchor)
             return window if kept is None else closed(window, self.anchor, kept, segments=segments)
 
-        raises = resting is None and self._keeps_feet
-        return delivered(motion, self.history, accelerations, finish, stays, resting, self.cutoff, raises=raises)
+        weights, raises = BALANCE if self.still is None else STILL, resting is None and self._keeps_feet
+        return delivered(
+            motion, self.history, accelerations, finish, stays, resting, self.cutoff, settings=weights, raises=raises
+        )
 
     def _walking(self, motion: Motion, accelerations: Float) -> Delivered:
         """A planted window of a walk as it is handed on; its feet keep their paths under the body."""

@@ -23,10 +23,10 @@ Float = NDArray[np.float64]
 
 ORDER = len(DIFFERENCES) - 1
 
-HELD_CUTOFF = 2.0
-"""Cut-off of windows in which a pose is held [Hz]. A sampled one trembles: hands jerk by 15 m/s³ where those of people
-jerk by .5; with 2 Hz 6, with 1 Hz no less, and with .5 Hz windows do not follow each other smoothly. All points of the
-body: docs/decisions.md."""
+SLOW_CUTOFF = 2.0
+"""Cut-off of windows in which a pose is held, and of squats and crouches [Hz]. A sampled pose trembles: hands jerk by
+15 m/s³ where those of people jerk by .5; with 2 Hz 6, with 1 Hz no less, and with .5 Hz windows do not follow each
+other smoothly. Squats jerk by 20, with 2 Hz by 9, clips by 2. All points of the body: docs/decisions.md."""
 
 
 def continued(window: NDArray, before: NDArray, fps: float, cutoff: float) -> Float:

@@ -15,6 +15,12 @@ def made_gesture(kind: str) -> tuple[Gesture, int] | None:
     return made_gestures().get(kind)
 
 
+def sinks(kind: str) -> bool:
+    """Whether a kind was made by a recipe that moves the legs: squats, crouches."""
+    made = made_gesture(kind)
+    return made is not None and any(pose.down is not None for pose in made[0].poses.values())
+
+
 @lru_cache
 def made_gestures() -> Mapping[str, tuple[Gesture, int]]:
     """Recipe and side of every kind that was made, those to the left included."""

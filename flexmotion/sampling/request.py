@@ -17,6 +17,7 @@ from flexmotion.features.heading_frame import chord
 from flexmotion.sampling.beside import fits_beside
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.idle_joints import idle_joints
+from flexmotion.sampling.made_gestures import sinks
 from flexmotion.sampling.rhythm import rhythm_kinds
 from flexmotion.text import phrases
 from flexmotion.text.manners import NORMAL
@@ -137,6 +138,11 @@ class Requests:
         if self.pose(condition) is None:
             return condition
         return replace(condition, noise=min(condition.noise, self._corrections.pose_noise), held=True)
+
+    def is_slow(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is held, or sinks and rises by a recipe: nothing of it is faster than 1 Hz."""
+        kind = self._said(condition)
+        return condition.held or kind is not None and sinks(kind)
 
     def is_brief(self, condition: Condition) -> bool:
         """Whether a condition of `meant` is a pose that people leave as soon as it is reached."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
 from flexmotion.gestures.moved import moved, moving
 from flexmotion.gestures.plan import Plan, draw_plan
 from flexmotion.gestures.recipes import Gesture, Pose, Step, usual
@@ -35,6 +36,10 @@ SIZES = 8
 
 BETWEEN, PAUSE = "between", (0.3, 0.9)
 """Pose between two repetitions of a gesture of one pose (a shrug), and for how long it is held [s]."""
+
+BEYOND = 7
+"""Frames on both sides of a window that its low-passed path is made from: what is farther away changes it by less than
+.02°."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
@@ -122,8 +127,14 @@ class Rhythm:
             before: the motion up to the window, at least one frame.
         """
         columns = moving(self.plan)
-        path = self._angles(np.arange(self.frame + 1 - KNOWN, self.frame + 1 + len(window)) / window.fps)
+        path = self._path(np.arange(1 - KNOWN, 1 + len(window)), window.fps)
         return led_along(window, before, path[:, columns], columns)
+
+    def _path(self, frames: NDArray[np.int_], fps: float) -> Float:
+        """Joint angles in frames from now on, low-passed as recorded motion is, (T,) -> (T, 26) [rad]."""
+        wider = np.arange(frames[0] - BEYOND, frames[-1] + BEYOND + 1)
+        found: Float = _low_pass(len(wider), fps) @ self._angles((self.frame + wider) / fps)
+        return found
 
     def _angles(self, since: Float) -> Float:
         """Joint angles at times since the begin, (T,) [s] -> (T, 26) [rad]."""
@@ -140,6 +151,12 @@ class Rhythm:
     def _reached(self, stroke: int) -> float:
         """When a stroke ends, in the time of the plan [s]."""
         return self.plan.strokes[stroke].end
+
+
+@lru_cache(maxsize=8)
+def _low_pass(frames: int, fps: float) -> Float:
+    """Matrix of the filter of recorded motion, for all but `BEYOND` frames at both ends, (T - 2 BEYOND, T)."""
+    return smoothing_spline(np.eye(frames), fps, CUTOFF)[BEYOND:-BEYOND]
 
 
 def _endless(gesture: Gesture) -> dict[str, Any]:

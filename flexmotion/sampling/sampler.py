@@ -28,7 +28,7 @@ from flexmotion.sampling.delivery import KNOWN, Delivered
 from flexmotion.sampling.draft import Draft
 from flexmotion.sampling.guidance import guided
 from flexmotion.sampling.kept_pose import KeptPose
-from flexmotion.sampling.low_pass import HELD_CUTOFF
+from flexmotion.sampling.low_pass import SLOW_CUTOFF
 from flexmotion.sampling.made_pose import made_pose
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.rhythm import SIZES, Rhythm
@@ -244,7 +244,7 @@ class Sampler:
             asked=asked,
             pose=condition.pose or self.rhythm(condition),
             beside=condition.beside,
-            cutoff=HELD_CUTOFF if condition.held and free else CUTOFF,
+            cutoff=SLOW_CUTOFF if free and self.requests.is_slow(meant) else CUTOFF,
             source=self._source,
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.sole import REACH
-from flexmotion.human.kinematics import foot_points
+from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, LEG_JOINTS, SIDES
 from flexmotion.sampling.settling import settled, stopped
@@ -37,6 +37,10 @@ one that rises from a squat is faster."""
 BENT, LEANING = np.radians(45.0), np.radians(12.0)
 """Knees that are bent further than this, and pelvises that lean further from that of the rest pose, are on their way
 [rad]: no human stays in half a squat, or bowed. Knees of recorded people that stand are bent by up to 38°."""
+
+BOWED = np.radians(16.0)
+"""Trunks that lean by less than this over such a pelvis [rad] are not bowed: one of the recorded people stands with a
+pelvis by 18° off the rest pose under a trunk that leans by 8°."""
 
 SWAYING = 0.07
 """A pelvis that leans by more than this from that of the rest pose [rad] comes upright in a gesture, too."""
@@ -89,7 +93,7 @@ class StillStance:
         upright = _turned(rest.root_quaternion[-1], float(heading(own) - heading(rest.root_quaternion[-1])))
         leaning, straight = lean_of(np.array([own, upright]))
         leans = float(np.hypot(*(leaning - straight)))
-        if leans > LEANING:
+        if leans > LEANING and _trunk_leans(last) > BOWED:
             return None
         feet = foot_points(last)
         if feet[..., 2].max() > REACH or np.ptp(feet, axis=0).max() > SLOW * seconds:
@@ -137,6 +141,11 @@ class StillStance:
             root_position=stopped(past.root_position, *end, SETTLING_S),
             root_quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
         )
+
+
+def _trunk_leans(motion: Motion) -> float:
+    """How far the trunk leans in the last frame [rad]."""
+    return float(np.arccos(np.clip(forward(motion[len(motion) - 1 :]).torso_rotation[0, 2, 2], -1.0, 1.0)))
 
 
 def _turned(quaternion: Float, yaw: float) -> Float:

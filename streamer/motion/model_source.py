@@ -503,10 +503,11 @@ class ModelSource:
             course = Course()
         own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
         course, asked = course.followed(condition, own, past, sampler.free, noise, played)
-        self._courses.append((begin, course))
-        # Who stands still is on its course, unless it heads somewhere else.
+        # Who stands still is on its course, unless it heads somewhere else than where it came to rest: turned back from
+        # there, by some degrees of the pelvis over feet that stay, people that are to nod trembled for a window.
         turn = 0.0 if asked.constraints is None else asked.constraints.turn
-        still = abs(turn) < OFF_COURSE and sampler.rests(condition, past)
+        still = abs(turn + course.settled) < OFF_COURSE and sampler.rests(condition, past)
+        self._courses.append((begin, replace(course, stood=still)))
         return condition if still else asked
 
     def _walks_on(self, begin: int, condition: Condition) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexmotion.sampling.balance import Needs, horizontal_shift
+from flexmotion.sampling.balance import BALANCE, STILL, Needs, horizontal_shift
 from flexmotion.sampling.soles import OUTWARD
 from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
@@ -59,6 +59,15 @@ def test_a_body_that_is_to_stand_gives_up_balance_rather_than_fall() -> None:
     along = [horizontal_shift(needs, bounds, np.zeros(FRAMES), stands=on) for on in (True, False)]
     np.testing.assert_array_equal(*along)
     assert zmp(needs, stands)[FRAMES - 10 : FRAMES - 2].max() < 0.06
+
+
+def test_a_body_that_is_still_stays_where_it_stands() -> None:
+    # People whose zero-moment point was 3 to 5 cm inside their soles were moved to and fro by 5 mm while they nodded.
+    needs, bounds = standing_beside()
+    inside = bounds + BESIDE + 0.035 - 0.05  # soles whose edge is .035 m ahead of the centre of mass
+    still, swaying = (horizontal_shift(needs, inside, np.ones(FRAMES), own, stands=True) for own in (STILL, BALANCE))
+    assert np.abs(still).max() < 1e-6
+    assert np.abs(swaying).max() > 0.005
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3])

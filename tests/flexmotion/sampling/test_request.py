@@ -10,6 +10,8 @@ import pytest
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
+from flexmotion.evaluation.motions import jerk
+from flexmotion.human.concatenate import concatenate
 from flexmotion.sampling.condition import Condition
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.request import Requests
@@ -39,6 +41,22 @@ def test_what_travels_is_known_from_measured_speeds(bundle: Path) -> None:
     opened.manifest = opened.manifest.model_copy(update={"corrections": nothing})
     unknown = Requests(opened)
     assert unknown.travels(away) and unknown.travels(spot) and not unknown.travels(unknown.meant(Condition()))
+
+
+def test_squats_are_as_slow_as_poses_that_are_held(bundle: Path) -> None:
+    """Squats jerked by 20 m/s³, clips of their recipe by 2: the cut-off was that of walking."""
+    sampler = Sampler(Bundle(bundle))
+    slow = {
+        text: sampler.requests.is_slow(sampler.meant(Condition(text))) for text in ("squat", "crouch", "bow", "walk")
+    }
+    assert slow == {"squat": True, "crouch": True, "bow": False, "walk": False}
+    assert sampler.requests.is_slow(sampler.requests.held(sampler.meant(Condition("raise your right hand"))))
+    windows = [sampler.standing()]
+    for seed in (1, 2, 3, 4):
+        windows.append(sampler.sample(concatenate(windows), Condition("squat"), seed))
+    motion = concatenate(windows[1:])
+    assert np.ptp(motion.root_position[:, 2]) > 0.3
+    assert jerk(motion).mean() < 10.0
 
 
 def test_a_kind_is_guided_at_its_own_scale(bundle: Path) -> None:

@@ -8,17 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.evaluation.motions import jerk
+from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import foot_points, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.sampling.still_stance import SETTLING_S, StillStance
+from flexmotion.spatial.heading import heading
 from flexmotion.spatial.tilt import tilt_of
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.targets import Target
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +33,14 @@ def sampler(bundle: Path) -> Sampler:
 def tilted(motion: Motion, degrees: float) -> Motion:
     half = np.radians(degrees) / 2.0
     return replace(motion, root_quaternion=np.tile([np.cos(half), 0.0, np.sin(half), 0.0], (len(motion), 1)))
+
+
+def turning(motion: Motion, speed: float) -> Motion:
+    """With all of its body, by a speed about the vertical [rad/s]."""
+    half = np.arange(len(motion)) * speed / motion.fps / 2.0
+    turned = np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
+    root = Rotation.from_quat(turned, scalar_first=True) * Rotation.from_quat(motion.root_quaternion, scalar_first=True)
+    return replace(motion.kinematics, root_quaternion=root.as_quat(scalar_first=True))
 
 
 def moving(motion: Motion, speed: float) -> Motion:
@@ -52,6 +64,15 @@ def test_nobody_is_left_bowed_or_in_half_a_squat(make_standing: Callable[..., Mo
     assert StillStance.of(tilted(make_standing(10), 18.0), rest) is None
     bent = {f"{joint}_{side}": angle for side in "lr" for joint, angle in (("hip_flexion", 0.5), ("knee_flexion", 1.0))}
     assert StillStance.of(make_standing(10, **bent), rest) is None
+
+
+def test_a_pelvis_that_leans_under_an_upright_trunk_stands(make_standing: Callable[..., Motion]) -> None:
+    """People whose pelvis leaned by 18 degrees, under a trunk by 8, stood as sampled: they trembled in a nod."""
+    angle = np.radians(17.0)
+    legs = {f"hip_flexion_{side}": angle for side in "lr"}
+    rest = make_standing(1)
+    assert StillStance.of(tilted(make_standing(10, lumbar_extension=angle, **legs), 17.0), rest) is not None
+    assert StillStance.of(tilted(make_standing(10, **legs), 17.0), rest) is None, "it is bowed"
 
 
 @pytest.mark.parametrize("upright", [True, False])
@@ -90,6 +111,20 @@ def test_feet_of_a_gesture_stay_where_they_are(sampler: Sampler) -> None:
         history = sampler.sample(history, Condition("wave with the right hand"), seed)
     assert np.abs(foot_points(history)[-1] - before).max() < 5e-3
     assert np.ptp(history.joints[:, 21:24], axis=0).max() > 0.1, "the arm waves"
+
+
+def test_who_turns_a_little_as_it_comes_to_rest_stays_still(sampler: Sampler) -> None:
+    """A pelvis that had turned by 3 degrees as it came to rest was turned back: legs trembled by 5 m/s³ in a nod."""
+    stands = sampler.standing()[:1]
+    history = turning(concatenate([stands] * 20), 0.2)
+    source = ModelSource(sampler, [], "model:shipped")
+    source.turn_to(Target(1, 1, Text("nod")), len(history) - 1, history)
+    motion = source.window(len(history), 90)
+    assert motion is not None
+    headings = np.degrees(heading(motion.root_quaternion))
+    assert 2.5 < headings[40] - np.degrees(heading(history.root_quaternion[-1])) < 5.0
+    assert np.ptp(headings[40:]) < 0.1
+    assert np.linalg.norm(np.diff(foot_points(motion[35:]), n=3, axis=0) * 30.0**3, axis=-1).mean() < 0.3
 
 
 @pytest.mark.parametrize(
