@@ -4,7 +4,8 @@ Every offered kind is asked of a standing human, and after every other kind. Of 
 normal manner (in any, where there are fewer than `FEWEST`) the 99.9th percentile over their frames is the limit: of
 the speed of the faster hand relative to the pelvis, of that of the faster ankle, and of how far the trunk is from
 upright. From a stand no frame of a sample may be beyond the limits of its kind. Of a change of kinds the hands are
-compared with the fastest of all gestures: an arm on its way from one pose to the other is of neither kind.
+compared with the fastest of all gestures of that manner: an arm on its way from one pose to the other is of neither
+kind.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ def figures(motion: Motion) -> dict[str, Float]:
     return dict(zip(FIGURES, (*speeds, np.degrees(np.arccos(upright))), strict=True))
 
 
-def limits(found: MotionSet, sampler: Sampler) -> dict[str, dict[str, float]]:
-    """The limits of people by kind and figure, of mirror images together, on the sampler's body."""
+def limits(found: MotionSet, sampler: Sampler) -> tuple[dict[str, dict[str, float]], set[str]]:
+    """The limits of people by kind and figure, of mirror images together, on the sampler's body; kinds of any manner."""
     frames: dict[bool, dict[str, list[dict[str, Float]]]] = {True: defaultdict(list), False: defaultdict(list)}
     for split in ("train", "validation"):
         for clip, motion in real_clips(found, split, sampler.fps):
@@ -99,7 +100,7 @@ def main(
 ) -> Outcome:
     """Sample all kinds from a stand and after each other, and compare them with clips."""
     sampler = open_sampler(bundle)
-    people = limits(open_set(set_folder), sampler)
+    people, any_manner = limits(open_set(set_folder), sampler)
     kinds = {
         str(entry.of): entry.wordings[0]
         for entry in (*prompt_kinds(), *gesture_kinds())
@@ -122,8 +123,8 @@ def main(
         changes.append({"before": first, "kind": second, "hand": float(figures(motion)["hand"].max())})
     if csv is not None:
         write_csv(csv, rows + changes)
-    gestures = [own["hand"] for kind, own in people.items() if kind in kinds and fits_beside(kind, STAND)]
-    return outcome(rows, changes, max(gestures))
+    calm = [kind for kind in people if kind in kinds and kind not in any_manner and fits_beside(kind, STAND)]
+    return outcome(rows, changes, max(people[kind]["hand"] for kind in calm))
 
 
 def _cell(own: float, limit: float) -> str:
