@@ -62,7 +62,10 @@ def figures(motion: Motion) -> dict[str, Float]:
 
 
 def limits(found: MotionSet, sampler: Sampler) -> tuple[dict[str, dict[str, float]], set[str]]:
-    """The limits of people by kind and figure, of mirror images together, on the sampler's body; kinds of any manner."""
+    """The limits of people by kind and figure, on the sampler's body; and the kinds that they are of any manner for.
+
+    Mirror images are one kind.
+    """
     frames: dict[bool, dict[str, list[dict[str, Float]]]] = {True: defaultdict(list), False: defaultdict(list)}
     for split in ("train", "validation"):
         for clip, motion in real_clips(found, split, sampler.fps):
@@ -74,10 +77,11 @@ def limits(found: MotionSet, sampler: Sampler) -> tuple[dict[str, dict[str, floa
         for kind, every in frames[False].items()
         if len(every) >= FEWEST
     }
-    return {
+    most = {
         kind: {name: float(np.percentile(np.concatenate([one[name] for one in own]), PERCENTILE)) for name in FIGURES}
         for kind, own in kept.items()
     }
+    return most, {kind for kind in kept if len(frames[True][kind]) < FEWEST}
 
 
 def _one_side(kind: str) -> str:
