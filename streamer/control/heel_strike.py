@@ -5,8 +5,8 @@ differs from robot to robot. Toes that strike early make the foot bounce, and ti
 other foot; it then turns on a corner of each sole, which is how feet that carry it slip. How the soles were to each
 other shortly before a step landed corrects the next step of that foot.
 
-The sole's middle is raised, so that its heel is as high as the plan has a level sole: a heel that strikes before the
-weight is to come makes the foot bounce just so.
+The middle of the sole is raised, so that the heel comes down as the plan has a level sole. A lower heel strikes before
+the plan shifts the weight, and then the foot bounces too.
 """
 
 from __future__ import annotations
