@@ -4,6 +4,9 @@ Servos lag and legs sag under load, so that a sole that is planned level is not 
 differs from robot to robot. Toes that strike early make the foot bounce, and tip the robot over the outer edge of the
 other foot; it then turns on a corner of each sole, which is how feet that carry it slip. How the soles were to each
 other shortly before a step landed corrects the next step of that foot.
+
+The middle of the sole is raised, so that the heel comes down as the plan has a level sole. A lower heel strikes before
+the plan shifts the weight, and then the foot bounces too.
 """
 
 from __future__ import annotations
@@ -58,6 +61,7 @@ class HeelStrike:
         self.toes_up = np.zeros(2)
         self._geometry = retargeter.body.legs
         self._feet, self._half_length = robot.foot_ids, robot.sole_half_size[:, 0].tolist()
+        self._rise = [length * math.sin(TOES_UP) for length in self._half_length]
         self._rate, self._step = float(robot.rate_hz), _SPEED / robot.rate_hz
         self._keep = math.exp(-1.0 / (_FADE_S * robot.rate_hz))
         self._acts, self._looks = False, [False, False]
@@ -90,9 +94,12 @@ class HeelStrike:
         for side, leg in enumerate(self._geometry):
             if ahead[side] == 1.0 and measured:
                 self._look(side, estimator, reference)
-            pitch = ahead[side] * self._taken[side]
             own = self.offset[leg.indices]
-            move = (self._raised(side, pitch, reference.q) if pitch else self._keep * own) - own
+            wanted = self._keep * own
+            if ahead[side]:
+                pitch, rise = ahead[side] * self._taken[side], ahead[side] * self._rise[side]
+                wanted = self._raised(side, pitch, rise, reference.q)
+            move = wanted - own
             self.offset[leg.indices] += np.minimum(np.maximum(move, -self._step), self._step)
         np.subtract(self.offset, self._before, out=self.speed)
         self.speed *= self._rate
@@ -100,15 +107,16 @@ class HeelStrike:
         if not any(ahead) and np.abs(self.offset).max() <= _NOTHING:
             self.reset()
 
-    def _raised(self, side: int, toes_up: float, q: Float) -> Float:
-        """Offsets of a leg that pitch its sole about its centre, hip to ankle, (6,) [rad]; to first order.
+    def _raised(self, side: int, toes_up: float, rise: float, q: Float) -> Float:
+        """Offsets of a leg that pitch its sole about its centre and raise it, hip to ankle, (6,) [rad]; to first order.
 
-        The pitch joints of hip, knee and ankle turn it, and its centre stays where it is: the ankle, which is above and
-        behind it, moves back. Sideways angles of hip and ankle are small, and left out. A leg that is nearly straight
-        cannot move its ankle back: it turns the sole by the ankle alone.
+        The pitch joints of hip, knee and ankle move it. The ankle, which is above and behind the sole's centre, moves
+        back. Sideways angles of hip and ankle are small, and left out. A leg that is nearly straight cannot move its
+        ankle so: it turns the sole by the ankle alone.
 
         Args:
             toes_up: [rad].
+            rise: of the sole's centre [m].
             q: planned joint angles, (n,) [rad].
         """
         leg = self._geometry[side]
@@ -121,8 +129,9 @@ class HeelStrike:
         determinant = shank[0] * leg_z - leg_x * shank[1]  # thigh times shank times the sine of the knee's bend
         if abs(determinant) < _STRAIGHT * leg.thigh * leg.shank:
             return leg.signs * [0.0, 0.0, 0.0, 0.0, -toes_up, 0.0]
-        by_hip = toes_up * (shank[0] * sole_z - sole_x * shank[1]) / determinant
-        by_knee = toes_up * (sole_x * leg_z - leg_x * sole_z) / determinant
+        along, up = toes_up * sole_z, rise - toes_up * sole_x  # ways of the ankle
+        by_hip = (along * shank[0] + up * shank[1]) / determinant
+        by_knee = -(along * leg_x + up * leg_z) / determinant
         found = leg.signs * [0.0, 0.0, by_hip, by_knee, -toes_up - by_hip - by_knee, 0.0]
         return np.minimum(np.maximum(found, -_MOST_JOINT, out=found), _MOST_JOINT, out=found)
 
