@@ -152,7 +152,7 @@ CATALOGUE = (
     Benchmark(
         "model/distributions", "4 min", (Need.SET,), "a figure of a kind further from clips than 1.3 x they differ"
     ),
-    Benchmark("model/onsets", "8 min", (Need.SET,), "a kind beyond its clips; a hand faster than people's gestures"),
+    Benchmark("model/onsets", "8 min", (Need.SET,), "a kind beyond its clips; 2 % of changes faster than gestures"),
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
     Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),

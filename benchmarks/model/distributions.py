@@ -124,7 +124,8 @@ def normal_clips(found: MotionSet, sampler: Sampler) -> dict[str, list[Motion]]:
             if turns(sampler, kind):
                 # Clips lead up to a turn and away from it, and a sample turns from its first step to its last.
                 own = turning_part(own, sampler.remembers)
-            if len(own) >= sampler.remembers + SHORTEST_S * sampler.fps:
+            long = len(own) >= sampler.remembers + SHORTEST_S * sampler.fps
+            if long and is_in_pose(own[sampler.remembers :], checks(kind)):
                 clips[kind].append(own)
     return clips
 
@@ -219,7 +220,6 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
         seed: of the samples and of the partings.
     """
     began = sampler.remembers
-    clips = [clip for clip in clips if is_in_pose(clip[began:], checks(kind))]
     half = min(MOST, len(clips) // 2)
     random = np.random.default_rng([seed])
     drawn = random.permutation(len(clips))[: draws * half]

@@ -2,10 +2,10 @@
 
 Every offered kind is asked of a standing human, and after every other kind. Of the recorded clips of a kind in the
 normal manner (in any, where there are fewer than `FEWEST`) the 99.9th percentile over their frames is the limit: of
-the speed of the faster hand relative to the pelvis, of that of the faster ankle, and of how far the trunk is from
-upright. From a stand no frame of a sample may be beyond the limits of its kind. Of a change of kinds the hands are
-compared with the fastest of all gestures of that manner: an arm on its way from one pose to the other is of neither
-kind.
+the speed of the faster hand relative to the pelvis, of that of the faster ankle, and of how far the trunk has turned
+from where it was at first: people lean each in their way. From a stand no frame of a sample may be beyond the limits of
+its kind. Of a change of kinds the hands are compared with the fastest of all gestures of the normal manner: an arm on
+its way from one pose to the other is of neither kind.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, SetOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
@@ -53,12 +54,12 @@ FAST, FASTEST = 0.02, 2.0
 
 
 def figures(motion: Motion) -> dict[str, Float]:
-    """Hand and foot [m/s], (T - 1,), and bend [°], (T,), of every frame."""
+    """Hand and foot [m/s], (T - 1,), and bend from the first frame [°], (T,), of every frame."""
     human = forward(motion)
     hands = np.einsum("tji,tsj->tsi", human.pelvis_rotation, human.wrist - human.pelvis_position[:, None])
     speeds = (np.linalg.norm(np.diff(each, axis=0), axis=-1).max(axis=1) * motion.fps for each in (hands, human.ankle))
-    upright = np.clip(human.torso_rotation[:, 2, 2], -1.0, 1.0)
-    return dict(zip(FIGURES, (*speeds, np.degrees(np.arccos(upright))), strict=True))
+    bend = np.arccos(np.clip(human.torso_rotation[..., 2] @ human.torso_rotation[0, :, 2], -1.0, 1.0))
+    return dict(zip(FIGURES, (*speeds, np.degrees(bend)), strict=True))
 
 
 def limits(found: MotionSet, sampler: Sampler) -> tuple[dict[str, dict[str, float]], set[str]]:
@@ -128,6 +129,9 @@ def main(
     if csv is not None:
         write_csv(csv, rows + changes)
     calm = [kind for kind in people if kind in kinds and kind not in any_manner and fits_beside(kind, STAND)]
+    if not calm or not changes:
+        wanted = f"{FEWEST} clips of a gesture, and of another kind, that the bundle offers"
+        raise ConfigError(f"{set_folder}: expected {wanted}")
     return outcome(rows, changes, max(people[kind]["hand"] for kind in calm))
 
 

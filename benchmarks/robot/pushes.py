@@ -4,9 +4,9 @@ In lockstep, nominal: the robot stands, or walks as the shipped model does. At e
 split, and the torso of each copy is pushed for .1 s in one direction. A robot is upright if it never tilts by 45° in
 the seconds after the push. Beside the share upright stands the share of pushes that N-step capturability calls
 recoverable (`benchmarks/shared/capturability.py`), from the true pose and speed at the push, with this robot's
-shortest steps, its longest strides, its soles, and the time that its plan leaves the foot that swings. A push acts on
-the torso, above the centre of mass, and turns the robot too (`pushed_by`). A push before which the robot is on its way
-to a fall counts as all others.
+shortest steps, its longest strides, its soles, and the time that its plan leaves the foot that swings. That is an upper
+bound: a push acts on the torso, above the centre of mass, and turns the robot too. What is left for one that may not
+turn is told beside it (`pushed_by`). A push before which the robot is on its way to a fall counts as all others.
 
 `--search FOLDER` searches the robot's push correction (`configs/push_correction.py`) by CMA-ES for the given time, or
 goes on with what is in the folder; the result is `FOLDER/push_correction.yaml`. It needs the extra `tune`.
@@ -70,8 +70,8 @@ class Trial:
         single: whether the robot stood on one foot.
         direction_deg: of the push, from the robot's heading, counterclockwise.
         size: impulse [N·s].
-        steps: fewest steps that capture it; -1: it is not recoverable.
-        steps_at_com: likewise, if it acted at the centre of mass.
+        steps: fewest steps that capture it, as if it acted at the centre of mass; -1: it is not recoverable.
+        steps_unturned: likewise, of a robot that takes all of the moment as speed, and may not turn.
         steps_after: fewest steps that capture what the robot has become by its end; -1: none do.
         upright: the robot did not fall.
         landings: of feet, by plan, in the seconds after the push.
@@ -85,7 +85,7 @@ class Trial:
     direction_deg: float
     size: float
     steps: int
-    steps_at_com: int
+    steps_unturned: int
     steps_after: int
     upright: bool
     landings: int
@@ -184,7 +184,7 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
     forward = driver.data.xmat[session.robot.torso_id].reshape(3, 3)[:, 0]
     angle = np.arctan2(forward[1], forward[0]) + np.radians(direction_deg)
     x, y = size * np.cos(angle), size * np.sin(angle)
-    steps, steps_at_com = (needed_steps(session, driver, np.array([x, y]), at_com=at_com) for at_com in (False, True))
+    steps, unturned = (needed_steps(session, driver, np.array([x, y]), at_com=at_com) for at_com in (True, False))
     single = not session.state.contacts.all()
     driver.push((float(x), float(y), 0.0), PUSHED_S)
     upright, landings, before, steps_after = True, 0, session.state.contacts, -1
@@ -205,7 +205,7 @@ def pushed(session: Session, walk: str, seed: int, phase: float, direction_deg: 
         direction_deg,
         size,
         steps,
-        steps_at_com,
+        unturned,
         steps_after,
         upright,
         landings,
@@ -350,14 +350,14 @@ def figures_of(trials: list[Trial]) -> dict[str, dict[str, float]]:
     for size in sorted({t.size for t in trials}):
         own = [t for t in trials if t.size == size]
         can = [t for t in own if t.recoverable]
-        low = [t for t in own if t.steps_at_com >= 0]
+        low = [t for t in own if t.steps_unturned >= 0]
         found[f"{size:g}"] = {
             "pushes": float(len(own)),
             "upright": share([t.upright for t in own]),
             "recoverable": share([t.recoverable for t in own]),
             "recoverable_upright": share([t.upright for t in can]),
-            "recoverable_at_com": share([t.steps_at_com >= 0 for t in own]),
-            "recoverable_at_com_upright": share([t.upright for t in low]),
+            "recoverable_unturned": share([t.steps_unturned >= 0 for t in own]),
+            "recoverable_unturned_upright": share([t.upright for t in low]),
             "recoverable_at_its_end": share([t.steps_after >= 0 for t in own]),
             "without_a_step": share([t.steps == 0 for t in own]),
             "landings": float(np.mean([t.landings for t in own])),
@@ -379,8 +379,8 @@ def verdicts(trials: list[Trial]) -> list[Verdict]:
     )
     left = [t.upright for t in trials if t.recoverable and t.steps_after >= 0]
     text += f"; of {len(left)} that are so when the push ends {percent(left)}"
-    low = [t.upright for t in trials if t.steps_at_com >= 0]
-    text += f"; of {len(low)} that would be if pushes acted at the centre of mass {percent(low)}"
+    low = [t.upright for t in trials if t.steps_unturned >= 0]
+    text += f"; of {len(low)} that are so for a robot that may not turn {percent(low)}"
     sent = sum(t.violations for t in trials)
     return [
         *found,

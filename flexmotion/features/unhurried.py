@@ -1,4 +1,4 @@
-"""`unhurried`: shoulders turn no faster than people turn theirs on their way from one pose to another.
+"""`unhurried`: shoulders turn no faster than people turn theirs; the same way takes them more time.
 
 A decoder that is to leave a pose for one that never followed it in the data mixes the two. Where the columns of their
 rotations cancel the mix turns over: of an arm that pointed up and was to hang in a dash the shoulder turned by 102° in
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from flexmotion.features.joint_groups import BALLS, PELVIS_SIZE, matrix, six
 from flexmotion.features.layout import Layout
 from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
-from flexmotion.spatial.transitions import decaying
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -25,18 +24,11 @@ FASTEST, CALM = 13.0, 5.5
 SPIN = 1.4
 """A shoulder as a whole, its turn about the upper arm included, may turn this much faster (waves 7.3, raises 7.4)."""
 
-LED = 4.0
-"""Fastest turn of the way on which a shoulder is led instead [rad/s]: 1 % of the frames of people who walk or point are
-faster (4.0, 3.7)."""
-
-SHORTEST_S = 0.11
-"""Least time constant of that way [s]: that of joins, see `inertialise`."""
-
 SHOULDERS = tuple(number for number, ball in enumerate(BALLS) if ball[0].startswith("shoulder"))
 
 
 def unhurried(frames: Float32, history: Float32, layout: Layout, fastest: float) -> Float32:
-    """The window with shoulders that turn too fast led from where they are to where they go after that.
+    """The window in which shoulders that turn too fast take more time for their way.
 
     Args:
         frames: features of the window that continue the history, not normalised, (W, layout.size), W >= 2.
@@ -55,35 +47,56 @@ def unhurried(frames: Float32, history: Float32, layout: Layout, fastest: float)
     known = np.concatenate([history[-2:], frames])
     turned = matrix(np.stack([known[:, own] for own in columns]).astype(np.float64))
     # Cosines of the turns from each frame to the next: of each axis, of which the third is along the upper arm.
-    cosines = np.einsum("stij,stij->stj", turned[:, 1:-1], turned[:, 2:])
+    cosines = np.einsum("stij,stij->stj", turned[:, :-1], turned[:, 1:])
     whole, arm = 0.5 * (cosines.sum(axis=-1) - 1.0), cosines[..., 2]
-    calm = (arm >= np.cos(fastest / layout.fps)) & (whole >= np.cos(SPIN * fastest / layout.fps))
-    if calm.all():
+    most = fastest / layout.fps
+    if (arm[:, 1:] >= np.cos(most)).all() and (whole[:, 1:] >= np.cos(SPIN * most)).all():
         return frames
     found = frames.copy()
-    for own, rotations, slow in zip(columns, turned, calm, strict=True):
-        if not slow.all():
-            led = _led(rotations, int(np.flatnonzero(~slow)[-1]), layout.fps)
-            found[:, own] = six(led)
+    efforts = np.maximum(_angle(arm), _angle(whole) / SPIN)
+    for own, rotations, effort in zip(columns, turned, efforts, strict=True):
+        if effort[1:].max() > most:
+            found[:, own] = six(_slowed(rotations[1:], effort, most)[1:])
     return found
 
 
-def _led(rotations: Float, arrives: int, fps: float) -> Float:
-    """A joint's rotations on a way of its own to those from a frame on, by the shortest rotation, (W, 3, 3).
+def _angle(cosine: Float) -> Float:
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _slowed(rotations: Float, efforts: Float, most: float) -> Float:
+    """A joint's rotations on the same way in more time, in which speeds go on at both ends, (K, 3, 3).
+
+    The time is taken on both sides of what is too fast, as much as it needs, and all that there is where that is less.
 
     Args:
-        rotations: in the two frames before the window and in it, (2 + W, 3, 3).
-        arrives: the frame of the window from which on they are what is led to.
-        fps: frames per second.
+        rotations: in the last known frame and in the window, (K, 3, 3).
+        efforts: from each frame to the next, of which `most` is not too fast, and of the two known frames first, (K,).
+        most: see `efforts`.
     """
-    known, goal = rotations[:2], rotations[2:].copy()
-    goal[:arrives] = goal[arrives]
-    away = rotation_vectors(matrix_quaternions(goal[0].T @ known))
-    size = float(np.linalg.norm(away[1]))
-    if away[0] @ away[1] < 0.0 and np.linalg.norm(away[0]) > np.pi / 2:
-        away[0] -= 2.0 * np.pi * away[0] / np.linalg.norm(away[0])  # counted on beyond half a turn
-    # A critically damped distance x is at its fastest x / (e time constant).
-    constant = max(SHORTEST_S, size / (np.e * LED))
-    time = np.arange(1, len(goal) + 1)[:, None] / fps
-    left = decaying(away[1], (away[1] - away[0]) * fps, 1.0 / constant, time)
-    return goal @ matrices(vector_quaternions(left))
+    way = np.concatenate([[0.0], np.cumsum(efforts[1:])])
+    fast = np.flatnonzero(efforts[1:] > most)
+    first, last = int(fast[0]), int(fast[-1]) + 1
+    while True:
+        slowed = _eased(way, first, last, efforts)
+        if np.diff(slowed).max() <= most or (first == 0 and last == len(way) - 1):
+            break
+        first, last = max(first - 1, 0), min(last + 1, len(way) - 1)
+    frames = np.arange(first, last + 1)
+    at = np.interp(slowed, way[frames], frames)
+    before = np.minimum(at.astype(np.intp), len(rotations) - 2)
+    steps = rotation_vectors(matrix_quaternions(rotations[before].swapaxes(-1, -2) @ rotations[before + 1]))
+    found = rotations.copy()
+    found[frames] = rotations[before] @ matrices(vector_quaternions((at - before)[:, None] * steps))
+    return found
+
+
+def _eased(way: Float, first: int, last: int, efforts: Float) -> Float:
+    """A way from one frame to another by a cubic that begins and ends at the speeds there, (last - first + 1,)."""
+    count = last - first
+    s = np.arange(count + 1) / count
+    length, begins = way[last] - way[first], efforts[first] * count
+    ends = (efforts[last + 1] if last + 1 < len(efforts) else efforts[last]) * count
+    # A cubic does not turn back while neither speed is above three times the mean.
+    begins, ends = min(begins, 3.0 * length), min(ends, 3.0 * length)
+    return way[first] + s * (begins + s * (3.0 * length - 2.0 * begins - ends + s * (begins + ends - 2.0 * length)))

@@ -259,9 +259,12 @@ def _turned(going: tuple[float, float], headings: Float) -> Float:
 
 
 def _turned_by(past: Motion, frames: int) -> float:
-    """How far a body has turned in its last frames [rad]."""
-    first, last = heading(past.root_quaternion[[max(len(past) - frames - 1, 0), -1]])
-    return wrapped(float(last - first))
+    """How far a body has turned in its last frames [rad]; what came before the motion is taken as even."""
+    known = min(frames, len(past) - 1)
+    if known < 1:
+        return 0.0
+    first, last = heading(past.root_quaternion[[-known - 1, -1]])
+    return wrapped(float(last - first)) * frames / known
 
 
 def _between_feet(past: Motion) -> tuple[float, float]:

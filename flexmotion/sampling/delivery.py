@@ -6,8 +6,8 @@ other forces. After planting, therefore:
 1. root and legs are low-passed (`low_pass`) at the cut-off of the data, above which a sample has noise alone, in
    poses that are held at a lower one;
 2. the root's path is shifted until the ground can give what the motion needs (`balance`): of a body that stands or
-   walks over feet that legs keep on their paths, then, for what the legs' own accelerations need, with its feet; of a
-   body that runs with its feet, which legs keep above the floor;
+   walks over feet that legs keep on their paths, then, for what the legs' own accelerations need, with its feet; of any
+   other one with its feet, which legs keep above the floor;
 3. ground forces are shared between the feet as the model predicts, as far as the motion allows (`ground_share`);
 4. torques are those of inverse dynamics under these forces; the root's are what no ground can give, the residual.
 
@@ -56,6 +56,10 @@ KNOWN = 2 * EDGE
 
 STANDING = 0.8 * REACH
 """A sole point that the balance relies on is lower than this [m]; the shift of the height may raise it by the rest."""
+
+FLIGHT_S = 0.25
+"""Longest flight of a body between two steps [s]: in runs it takes .1 to .2. A sample whose soles are above the floor
+for longer does not fall: one fell by .4 m, through the floor."""
 
 SUNK = 0.005
 """A sole that is lower than this is below the floor [m]."""
@@ -106,8 +110,8 @@ def delivered(
         cutoff: at which root and legs are low-passed [Hz].
         walks: whether `finish` keeps both feet on their paths under a body that goes somewhere.
         stops: whether that is to stand after the window.
-        raises: whether legs raise feet that the balance takes below the floor: of a body that runs, over nothing that
-            is asked of them.
+        raises: whether legs raise feet that the balance takes below the floor: of a body that neither stands nor
+            walks, over nothing that is asked of them.
         settings: weights of the balance.
     """
     last = past[max(0, len(past) - KNOWN) :]
@@ -164,8 +168,8 @@ def _raised(
     window: Motion, whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
 ) -> Motion:
     """The window with feet raised by their legs that its shift in height takes below the floor; else itself."""
-    stands = _usable(contacts, soles, STANDING).any(axis=(1, 2))
-    up = vertical_shift(_needs(segments, whole.body, whole, planned), np.asarray(stands))
+    borne = _borne(_usable(contacts, soles, STANDING), whole.fps)
+    up = vertical_shift(_needs(segments, whole.body, whole, planned), borne)
     below = (-SUNK - soles.height.min(axis=2) - up[:, None])[KNOWN:]
     if below.max() <= 0.0:
         return window
@@ -217,7 +221,7 @@ def _balanced(
     needs = _needs(segments, whole.body, whole, planned)
     shift = np.zeros((len(whole), 3))
     usable = _usable(contacts, soles, STANDING)
-    shift[:, 2] = vertical_shift(needs, np.asarray(usable.any(axis=(1, 2))))
+    shift[:, 2] = vertical_shift(needs, _borne(usable, whole.fps))
     lifted = needs.shifted(shift)
     if resting is not None:
         stays = resting.stands if stays is None else stays | resting.stands
@@ -260,6 +264,15 @@ def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
     low = soles.height < reach
     stands = low & contacts[..., None]
     found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
+    return found
+
+
+def _borne(usable: Flags, fps: float) -> Flags:
+    """Frames in which the ground bears the body, (T,): all but flights, which are shorter than `FLIGHT_S`."""
+    found = np.asarray(usable.any(axis=(1, 2)))
+    changes = np.flatnonzero(np.diff(np.concatenate([[1], found.astype(int), [1]])))
+    for first, end in changes.reshape(-1, 2):
+        found[first:end] = end - first > FLIGHT_S * fps
     return found
 
 

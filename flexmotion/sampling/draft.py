@@ -17,7 +17,7 @@ from flexmotion.features.decode import Anchor, decode, root_path
 from flexmotion.features.heading_frame import turned
 from flexmotion.features.inertialise import inertialised
 from flexmotion.features.layout import ACTIVATIONS, Layout
-from flexmotion.features.unhurried import CALM, FASTEST, unhurried
+from flexmotion.features.unhurried import unhurried
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
@@ -87,7 +87,7 @@ class Draft:
         stands: whether standing still is asked: idle joints move to `rest`. In a gesture those near it stay.
         quiet: whether nothing is asked of pelvis and legs: once the human stands they rest.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
-        hurries: whether it is done by running, or in another manner than the normal one: arms may go faster.
+        fastest: turn of an upper arm that is not too fast [rad/s].
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
         pose: see `Condition`; None: arms and head move as decoded.
@@ -106,7 +106,7 @@ class Draft:
     stands: bool
     quiet: bool
     on_the_spot: bool
-    hurries: bool
+    fastest: float
     asked: Constraints | None
     pose: KeptPose | Rhythm | None
     beside: Beside | None
@@ -125,7 +125,7 @@ class Draft:
         where nothing is asked of frames.
         """
         features = inertialised(found, self.remembered, self.layout)
-        features = unhurried(features, self.remembered, self.layout, FASTEST if self.hurries else CALM)
+        features = unhurried(features, self.remembered, self.layout, self.fastest)
         if not self.balanced:
             return features
         features = steadied(features, self.remembered, self.layout, self.cutoff)

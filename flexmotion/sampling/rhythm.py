@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -37,9 +38,8 @@ SIZES = 8
 BETWEEN, PAUSE = "between", (0.3, 0.9)
 """Pose between two repetitions of a gesture of one pose (a shrug), and for how long it is held [s]."""
 
-BEYOND = 7
-"""Frames on both sides of a window that its low-passed path is made from: what is farther away changes it by less than
-.02°."""
+BEYOND_S = 0.23
+"""Time on both sides of a window that its low-passed path is made from [s]: more changes it by less than .02°."""
 
 SLOWEST = 0.3
 """Least factor on its speed."""
@@ -132,7 +132,8 @@ class Rhythm:
 
     def _path(self, frames: NDArray[np.int_], fps: float) -> Float:
         """Joint angles in frames from now on, low-passed as recorded motion is, (T,) -> (T, 26) [rad]."""
-        wider = np.arange(frames[0] - BEYOND, frames[-1] + BEYOND + 1)
+        beyond = ceil(BEYOND_S * fps)
+        wider = np.arange(frames[0] - beyond, frames[-1] + beyond + 1)
         found: Float = _low_pass(len(wider), fps) @ self._angles((self.frame + wider) / fps)
         return found
 
@@ -155,8 +156,9 @@ class Rhythm:
 
 @lru_cache(maxsize=8)
 def _low_pass(frames: int, fps: float) -> Float:
-    """Matrix of the filter of recorded motion, for all but `BEYOND` frames at both ends, (T - 2 BEYOND, T)."""
-    return smoothing_spline(np.eye(frames), fps, CUTOFF)[BEYOND:-BEYOND]
+    """Matrix of the filter of recorded motion, for all but `BEYOND_S` at both ends, (T - 2 B, T)."""
+    beyond = ceil(BEYOND_S * fps)
+    return smoothing_spline(np.eye(frames), fps, CUTOFF)[beyond:-beyond]
 
 
 def _endless(gesture: Gesture) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from flexmotion.features.constraints import Constraints
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.inertialise import inertialised
+from flexmotion.features.unhurried import CALM, FASTEST, unhurried
 from flexmotion.human.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.sampling.condition import Condition
@@ -39,6 +40,9 @@ from flexmotion.text.prompt_reader import Prompt
 __all__ = ["Condition", "Sampler"]
 
 Float32 = NDArray[np.float32]
+
+STANDS = 0.2
+"""A body that has gone slower than this for a second stands [m/s]; a pelvis that goes down in a squat goes .15 back."""
 
 
 class Sampler:
@@ -229,6 +233,9 @@ class Sampler:
         """The window in the making; parts of the body that the condition, as it is `meant`, leaves alone rest in it."""
         asked = condition.constrained
         free = asked is None or not asked.of_frames
+        # Feet of a body that still walks would go through the floor.
+        came = history[max(0, len(history) - round(self.fps)) :].net_speed
+        slow = condition.held or came < STANDS and self.requests.is_slow(meant)
         return Draft(
             layout=self.layout,
             body=self.body,
@@ -240,11 +247,11 @@ class Sampler:
             stands=free and self.requests.stands(meant),
             quiet=asked is None and self.requests.leaves_legs(meant),
             on_the_spot=not self.requests.travels(meant),
-            hurries=self.requests.hurries(meant),
+            fastest=self._fastest(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),
             beside=condition.beside,
-            cutoff=SLOW_CUTOFF if free and self.requests.is_slow(meant) else CUTOFF,
+            cutoff=SLOW_CUTOFF if free and slow else CUTOFF,
             source=self._source,
         )
 
@@ -257,10 +264,14 @@ class Sampler:
         return ConstraintSolver(self.layout, tangent_of(self.bundle, self._decode))
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
-        """Features of a sample as decoded, before its feet are planted, not normalised, (W, layout.size)."""
-        remembered = self._remember(history)
-        latent = self._latent(remembered, self.meant(condition), seed)
-        return inertialised(self._frames(latent), remembered, self.layout)
+        """Features of a sample as decoded and joined, before its feet are planted, not normalised, (W, layout.size)."""
+        remembered, meant = self._remember(history), self.meant(condition)
+        frames = self._frames(self._latent(remembered, meant, seed))
+        return unhurried(inertialised(frames, remembered, self.layout), remembered, self.layout, self._fastest(meant))
+
+    def _fastest(self, meant: Condition) -> float:
+        """Fastest turn of an upper arm in a condition of `meant` [rad/s]."""
+        return FASTEST if self.requests.hurries(meant) else CALM
 
     def _frames(self, latent: Float32) -> Float32:
         """Features of a latent after the history of the last request, not joined to it, not normalised, (W, F)."""

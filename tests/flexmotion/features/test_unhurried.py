@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from flexmotion.features.joint_groups import PELVIS_SIZE, matrix, six
 from flexmotion.features.layout import Layout
-from flexmotion.features.unhurried import CALM, FASTEST, LED, SHOULDERS, unhurried
+from flexmotion.features.unhurried import CALM, FASTEST, SHOULDERS, SPIN, unhurried
 from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
+from flexmotion.spatial.transitions import minimum_jerk
 
 FPS = 30.0
 LAYOUT = Layout(FPS)
@@ -38,7 +39,7 @@ def _turns(features: np.ndarray, own: slice) -> np.ndarray:
 @given(
     axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda one: np.linalg.norm(one) > 0.1),
     angle=st.floats(0.5, 3.1),
-    jumps=st.integers(0, 28),
+    jumps=st.integers(8, 22),
 )
 def test_an_arm_that_a_decoder_turns_over_goes_at_the_speed_of_people(
     axis: tuple[float, ...], angle: float, jumps: int
@@ -51,20 +52,25 @@ def test_an_arm_that_a_decoder_turns_over_goes_at_the_speed_of_people(
     history[:, RIGHT] = frames[0, RIGHT]
     found = unhurried(frames, history, LAYOUT, CALM)
     assert _turns(np.concatenate([history, frames]), LEFT).max() > 1.5 * CALM
-    led = _turns(np.concatenate([history, found]), LEFT)
-    assert led.max() <= 1.02 * LED
-    assert np.abs(np.diff(led)).max() <= 0.5 * LED
-    left = rotation_vectors(matrix_quaternions(matrix(found[-1:, LEFT].astype(float))))
-    assert np.linalg.norm(left) < 0.35 * angle
+    slowed = _turns(np.concatenate([history, found]), LEFT)
+    # Within the window there is not always time enough for all of the way.
+    assert slowed.max() <= max(1.02 * SPIN * CALM, 1.6 * angle * FPS / (2 * min(jumps, 32 - jumps)))
+    assert slowed.sum() == pytest.approx(angle * FPS, abs=1e-3)
+    np.testing.assert_allclose(found[-1], frames[-1], atol=1e-6)
     np.testing.assert_array_equal(found[:, RIGHT], frames[:, RIGHT])
 
 
-def test_an_arm_on_its_way_goes_on_at_its_speed() -> None:
-    swung = np.outer(np.arange(-8, 0) / FPS * 2.0, [0.0, 1.0, 0.0])
-    history, frames = _features(swung), _features(np.tile([0.0, 2.0, 0.0], (32, 1)))
+@pytest.mark.parametrize("peak", [6.0, 8.0, 10.0])
+def test_a_raise_that_is_too_fast_is_slowed_without_a_jump_of_speed(peak: float) -> None:
+    """Went wrong: an arm led to where it goes joined it at its full speed, from 1.8 to 6.6 rad/s in a frame."""
+    time = np.arange(32) / FPS
+    raised = np.outer(2.4 * minimum_jerk((time - 0.2) * peak / (1.875 * 2.4)), [0.0, 1.0, 0.0])
+    frames = _features(raised)
+    history = frames[:1].repeat(8, axis=0)
     found = unhurried(frames, history, LAYOUT, CALM)
-    turned = _turns(np.concatenate([history, found]), LEFT)
-    assert np.abs(np.diff(turned)).max() < 1.0
+    slowed, before = (_turns(np.concatenate([history, each]), LEFT) for each in (found, frames))
+    assert before.max() > CALM >= 0.98 * slowed.max()
+    assert np.abs(np.diff(slowed)).max() <= 1.3 * np.abs(np.diff(before)).max()
 
 
 @pytest.mark.parametrize("known", [0, 1, 8])

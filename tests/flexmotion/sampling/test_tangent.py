@@ -12,6 +12,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.features.constraint_layout import PATH, PLACES, ROTATIONS, ConstraintLayout
 from flexmotion.features.encode import encode
 from flexmotion.features.layout import POINTS, Layout
+from flexmotion.features.unhurried import CALM
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.sampling.draft import Draft
@@ -38,7 +39,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         stands=False,
         quiet=False,
         on_the_spot=False,
-        hurries=False,
+        fastest=CALM,
         asked=None,
         pose=None,
         beside=None,

@@ -13,6 +13,7 @@ from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.kinematics import foot_points
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.condition import Condition
+from flexmotion.sampling.delivery import _borne
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -90,3 +91,20 @@ def test_a_history_of_one_frame_is_enough() -> None:
     """A single frame before the window ended in an error of shapes."""
     sampler = open_sampler(balanced=True)
     assert len(sampler.sample(sampler.standing()[-1:], Condition("walk forward"), 0)) == sampler.future
+
+
+def test_who_walks_into_a_squat_stays_above_the_floor() -> None:
+    """The low-pass of squats was that of the walk before it, too: feet went 4 cm into the floor."""
+    sampler = open_sampler(balanced=True)
+    for seed in range(4):
+        items = [Item(0.0, Velocity(0.5, 0.0, 0.0)), Item(3.0, Text("squat"))]
+        motion = ModelSource(sampler, items, "squat", seed, seconds=6.0).human()
+        assert foot_points(motion)[..., 2].min() > -0.02
+
+
+def test_a_sample_whose_feet_leave_the_floor_for_long_does_not_fall() -> None:
+    """A body over feet that were a hand above the floor for .3 s fell by .4 m, through it."""
+    usable = np.ones((40, 2, 12), np.bool_)
+    usable[5:9] = usable[20:32] = False
+    borne = _borne(usable, 30.0)
+    assert not borne[5:9].any() and borne[:5].all() and borne[9:].all()
