@@ -230,7 +230,7 @@ class ArmChain:
         for k in range(count - 1, -1, -1):
             moved = points[:, 2 * k + 2 :]
             moved += np.einsum("crsn,cpsn->rpsn", turns[:, :, k], moved - points[:, 2 * k, None])
-        # In memory poses come last, and sides before them: (3, 2m + 1, ..., 2) for those who ask.
+        # The last axes in memory are side, pose; the axes that are returned are (3, 2m + 1, ..., 2).
         points = np.moveaxis(points.reshape(3, 2 * count + 1, 2, *batch), 2, -1)
         anchors, hand = points[:, :-1:2], points[:, -1]
         axes = points[:, 1::2] - anchors

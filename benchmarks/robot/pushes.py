@@ -55,7 +55,7 @@ STAND_CYCLE_S = 0.5
 SMALL, SMALL_STANDING, SMALL_WALKING, RECOVERABLE = 0.3, 0.98, 0.90, 0.95
 """Size of push [N·s] and share upright that is wanted; that of all recoverable pushes."""
 SOLE_M = 0.002
-"""What is no further from the plane of a sole belongs to it [m]."""
+"""Corners of a foot's boxes that are within this of the plane of its sole belong to the sole [m]."""
 TURNED = 0.381966
 """Part of the step between two directions, or phases, by which those of the next seed are turned: none repeats."""
 

@@ -68,9 +68,9 @@ class Done:
 def deciding(kind: str, parts: Mapping[str, Part]) -> Done:
     """How the robot made the part that decides whether it did a kind of motion.
 
-    A walked turn needs both its turn and its way: the worse one decides. The legs decide a kind that they make: who
-    crouches bends the legs, and ducks the head besides. In any other kind the part decides that the robot made best:
-    of an answer, or a dance, one part is enough.
+    A walked turn is judged by its turn or its way, whichever is worse. A kind that the legs make is judged by the legs:
+    a crouch bends them, and lowers the head too. Any other kind is judged by the part that the robot made best: one
+    part of an answer, or of a dance, is enough.
     """
     has_strokes = not is_pose(kind) and not {"way", "turn"} & set(parts)
     made = {name: Done.of(part, has_strokes=has_strokes) for name, part in parts.items()}

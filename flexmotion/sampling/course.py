@@ -73,8 +73,8 @@ class Course:
         direction: of travel, from the own heading [rad]; None in place.
         rested: whether who stands came to rest, at its place.
         slow: sum of what the speed of words lacked [m/s].
-        stood: whether who stands was left alone in the last window: nothing was asked of its heading.
-        settled: how far it has turned since it is left alone, over feet that stay [rad].
+        stood: whether the body stood in the last window, and nothing was asked of its heading.
+        settled: how far it has turned, over feet that stay, since nothing is asked of its heading [rad].
         frames: for which the request has been followed.
         request: what it is followed for.
     """

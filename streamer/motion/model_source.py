@@ -503,8 +503,8 @@ class ModelSource:
             course = Course()
         own, noise = sampler.requests.own_velocity(condition), sampler.requests.travelling_noise
         course, asked = course.followed(condition, own, past, sampler.free, noise, played)
-        # Who stands still is on its course, unless it heads somewhere else than where it came to rest: turned back from
-        # there, by some degrees of the pelvis over feet that stay, people that are to nod trembled for a window.
+        # A body that stands keeps the heading at which it came to rest, and is asked for nothing. Asked to turn its
+        # pelvis back by some degrees over feet that stay, bodies that were to nod trembled for a window.
         turn = 0.0 if asked.constraints is None else asked.constraints.turn
         still = abs(turn + course.settled) < OFF_COURSE and sampler.rests(condition, past)
         self._courses.append((begin, replace(course, stood=still)))
