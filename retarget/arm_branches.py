@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.retarget import arm_loops
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_cost import ArmCost, ArmTargets
 from flexmotion.retarget.spread_points import halton
@@ -79,24 +80,10 @@ class ArmBranches:
     def _sequence(self, targets: ArmTargets, start: Float, fps: float) -> Float:
         """The best sequence of candidates; arguments as in `choose`."""
         poses, costs = self._candidates(targets)
-        reach = self.speed / fps
-        # Frames by candidates before by candidates after, (F - 1, K, K, 2); of the first frame from the start.
-        change = np.abs(poses[1:, None] - poses[:-1, :, None]) - reach
-        travel = _TRAVEL_COST * _COST_FPS / fps * np.maximum(change.max(axis=-1), 0.0)
-        first = np.abs(poses[0] - start) - reach
-        total = costs[0] + _TRAVEL_COST * _COST_FPS / fps * np.maximum(first.max(axis=-1), 0.0)
-        before = np.empty((len(poses), _CANDIDATES, 2), dtype=int)
-        for frame in range(1, len(poses)):
-            sums = total[:, None] + travel[frame - 1]
-            before[frame] = sums.argmin(axis=0)
-            total = sums.min(axis=0) + costs[frame]
-        wound = poses[-1] - self.cost.rest
-        total += _WINDING_COST * fps / _COST_FPS * np.sum(wound * wound, axis=-1)
-        chosen = np.empty((len(poses), 2), dtype=int)
-        chosen[-1] = total.argmin(axis=0)
-        for frame in range(len(poses) - 1, 0, -1):
-            chosen[frame - 1] = before[frame, chosen[frame], _SIDES]
-        return poses[np.arange(len(poses))[:, None], chosen, _SIDES]
+        share = _COST_FPS / fps
+        return arm_loops.cheapest(
+            poses, costs, start, self.speed / fps, _TRAVEL_COST * share, _WINDING_COST / share, self.cost.rest
+        )
 
     def _candidates(self, targets: ArmTargets) -> tuple[Float, Float]:
         """Poses (F, K, 2, m) [rad] and their costs (F, K, 2)."""

@@ -1,14 +1,13 @@
 """`ArmChain`: both arms of a robot as chains of hinges, with their kinematics for many poses at once.
 
 Forward kinematics are the product of exponentials (Brockett 1984; Lynch and Park, Modern Robotics, 4.1): axes and
-anchors of the joints in the model's reference pose say all that is needed, for any number and order of joints. In numpy
-over all poses at once, since a call into MuJoCo per pose costs more than the arithmetic.
+anchors of the joints in the model's reference pose say all that is needed, for any number and order of joints. For all
+poses in one compiled call (`arm_loops`), since a call into MuJoCo per pose costs more than the arithmetic.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
+from flexmotion.retarget import arm_loops
 from flexmotion.retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
@@ -32,14 +32,13 @@ _ALONG = 0.7
 class ArmPoses:
     """Segments of both arms for a batch of poses, in the torso frame; sides left, right.
 
-    Vectors have their coordinates last, and lie in memory with their coordinates first (see `coordinates_first`).
-
     Attributes:
         upper, fore: unit vectors from shoulder to elbow and from elbow to hand, (..., 2, 3). Those of an arm without
             elbow are both from shoulder to hand.
         shoulder, elbow, hand: positions, (..., 2, 3) [m].
         upper_jacobian, fore_jacobian: derivatives of the unit vectors by the joints of their arm, (..., 2, m, 3)
-            [1/rad]; computed when they are first asked for.
+            [1/rad].
+        hand_jacobian: derivatives of the hands, (..., 2, m, 3) [m/rad].
     """
 
     upper: Float
@@ -47,68 +46,9 @@ class ArmPoses:
     shoulder: Float
     elbow: Float
     hand: Float
-    _segments: _Segments
-
-    @property
-    def upper_jacobian(self) -> Float:
-        """See the class."""
-        return _by_joint(self._jacobians[:, :, 0])
-
-    @property
-    def fore_jacobian(self) -> Float:
-        """See the class."""
-        return _by_joint(self._jacobians[:, :, -1])
-
-    @cached_property
-    def hand_jacobian(self) -> Float:
-        """Derivatives of the hands by the joints of their arm, (..., 2, m, 3) [m/rad]; see the class."""
-        return _by_joint(self._segments.hand_jacobian())
-
-    @cached_property
-    def _jacobians(self) -> Float:
-        return self._segments.jacobians()
-
-
-class _Segments:
-    """The segments of both arms, coordinates first: upper arm and forearm, or the whole arm where no joint divides it.
-
-    Args:
-        points: shoulder, elbow if there is one, and hand, (3, G + 1, ..., 2) [m].
-        axes, anchors: of all joints, (3, m, ..., 2).
-        joints: those at the points before the hand, G.
-
-    Attributes:
-        unit: vectors along the segments, (3, G, ..., 2).
-    """
-
-    def __init__(self, points: Float, axes: Float, anchors: Float, joints: tuple[int, ...]) -> None:
-        self._points, self._axes, self._anchors, self._joints = points, axes, anchors, joints
-        self._along = points[:, 1:] - points[:, :-1]
-        self._length = np.sqrt((self._along * self._along).sum(axis=0))
-        self.unit: Float = self._along / self._length
-
-    def hand_jacobian(self) -> Float:
-        """Derivatives of the hands, which all joints move, (3, m, ..., 2) [m/rad]."""
-        return _cross(self._axes, self._points[:, -1:] - self._anchors)
-
-    def jacobians(self) -> Float:
-        """Derivatives of the unit vectors by the joints, (3, m, G, ..., 2) [1/rad]."""
-        moved = self._points[:, None, 1:] - self._anchors[:, :, None]
-        for segment, joint in enumerate(self._joints):
-            # Joints before the first point of a segment turn both of its points.
-            moved[:, : joint + 1, segment] = self._along[:, None, segment]
-        out = _cross(self._axes[:, :, None], moved)
-        for segment, joint in enumerate(self._joints[1:]):
-            out[:, joint:, segment] = 0.0
-        unit = self.unit[:, None]
-        out -= (out * unit).sum(axis=0) * unit
-        out /= self._length
-        return out
-
-
-def _by_joint(derivatives: Float) -> Float:
-    """Derivatives with their coordinates first, (3, m, ..., 2), as (..., 2, m, 3): a view."""
-    return derivatives.transpose(*range(2, derivatives.ndim), 1, 0)
+    upper_jacobian: Float
+    fore_jacobian: Float
+    hand_jacobian: Float
 
 
 class ArmChain:
@@ -118,6 +58,7 @@ class ArmChain:
         joints: columns of the arm joints in the robot's order, from torso to hand, (2, m).
         lower, upper: limits, (2, m) [rad].
         has_elbow: whether a joint divides the arm into upper arm and forearm.
+        arms: the chains as the compiled loops take them.
         fore_joint: place in the chain of the joint that moves the forearm: elbow, or shoulder without one.
         lengths: of upper arm and forearm a side, (2, 2) [m]; without elbow half of the arm each.
 
@@ -157,10 +98,7 @@ class ArmChain:
         self._axes = data.xaxis[ids] @ turned
         self._anchors = (data.xanchor[ids] - origin) @ turned
         self._tips = (tips - origin) @ turned
-        self._zero = model.qpos0[robot.qpos_address[self.joints]]
         self.lower, self.upper = robot.lower[self.joints], robot.upper[self.joints]
-        cross = _cross_matrices(self._axes)
-        self._cross, self._cross_squared = _for_poses(cross), _for_poses(cross @ cross)
         self._elbow, self._shoulder = self._divide()
         self.has_elbow = self._elbow is not None
         self.fore_joint = self._shoulder if self._elbow is None else self._elbow
@@ -168,9 +106,14 @@ class ArmChain:
         end = self._tips
         for joint in (self._shoulder,) if self._elbow is None else (self._elbow, self._shoulder):
             self._anchors[:, joint] = end = self._nearest(joint, end)
-        # Anchors and ends of axes of the joints in turn, and the hand, (2, 2 m + 1, 3).
-        pairs = np.stack([self._anchors, self._anchors + self._axes], axis=2).reshape(2, -1, 3)
-        self._at_zero = _for_poses(np.concatenate([pairs, self._tips[:, None]], axis=1))
+        self.arms = arm_loops.Arms(
+            axes=np.ascontiguousarray(self._axes),
+            anchors=np.ascontiguousarray(self._anchors),
+            tips=np.ascontiguousarray(self._tips),
+            zero=np.ascontiguousarray(model.qpos0[robot.qpos_address[self.joints]]),
+            shoulder=self._shoulder,
+            elbow=-1 if self._elbow is None else self._elbow,
+        )
         stand = self.poses(robot.stand_pose[self.joints])
         elbow = stand.elbow if self.has_elbow else 0.5 * (stand.shoulder + stand.hand)
         self.lengths = np.stack(
@@ -219,60 +162,15 @@ class ArmChain:
 
     def poses(self, q: Float) -> ArmPoses:
         """Segments of the arms at joint angles (..., 2, m) [rad]."""
-        batch, count = q.shape[:-2], q.shape[-1]
-        angle = np.ascontiguousarray((q - self._zero).reshape(-1, 2, count).transpose())
-        # Rodrigues' formula without the identity, sin K + (1 - cos) K²: (column, row, joint, side, pose).
-        turns = np.sin(angle) * self._cross
-        turns += (1.0 - np.cos(angle)) * self._cross_squared
-        # Each joint turns what comes after it: anchors and ends of axes of later joints, and the hand.
-        points = np.empty((3, 2 * count + 1, *angle.shape[1:]))
-        points[...] = self._at_zero
-        for k in range(count - 1, -1, -1):
-            moved = points[:, 2 * k + 2 :]
-            moved += np.einsum("crsn,cpsn->rpsn", turns[:, :, k], moved - points[:, 2 * k, None])
-        # The last axes in memory are side, pose; the axes that are returned are (3, 2m + 1, ..., 2).
-        points = np.moveaxis(points.reshape(3, 2 * count + 1, 2, *batch), 2, -1)
-        anchors, hand = points[:, :-1:2], points[:, -1]
-        axes = points[:, 1::2] - anchors
-        joints = (self._shoulder,) if self._elbow is None else (self._shoulder, self._elbow)
-        ends = np.stack([*(anchors[:, joint] for joint in joints), hand], axis=1)
-        segments = _Segments(ends, axes, anchors, joints)
+        found = arm_loops.poses(self.arms, np.ascontiguousarray(q.reshape(-1, *q.shape[-2:])))
+        points, units, slopes, hands = (array.reshape(*q.shape[:-2], *array.shape[1:]) for array in found)
         return ArmPoses(
-            upper=coordinates_last(segments.unit[:, 0]),
-            fore=coordinates_last(segments.unit[:, -1]),
-            shoulder=coordinates_last(ends[:, 0]),
-            elbow=coordinates_last(ends[:, 1]),
-            hand=coordinates_last(hand),
-            _segments=segments,
+            upper=units[..., 0, :],
+            fore=units[..., 1, :],
+            shoulder=points[..., 0, :],
+            elbow=points[..., 1, :],
+            hand=points[..., 2, :],
+            upper_jacobian=slopes[..., 0, :, :],
+            fore_jacobian=slopes[..., 1, :, :],
+            hand_jacobian=hands,
         )
-
-
-def coordinates_first(array: Float) -> Float:
-    """A view with the last axis first, (..., n) -> (n, ...): numpy is fastest along a long last axis."""
-    return array.transpose(-1, *range(array.ndim - 1))
-
-
-def coordinates_last(array: Float) -> Float:
-    """A view with the first axis last, (n, ...) -> (..., n)."""
-    return array.transpose(*range(1, array.ndim), 0)
-
-
-def _cross(a: Float, b: Float) -> Float:
-    """Cross product of vectors with coordinates first; `numpy.cross` takes five times as long."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
-
-
-def _for_poses(constants: Float) -> Float:
-    """Constants of both sides, (2, k, ..., 3), for any number of poses, coordinates first: (3, ..., k, 2, 1)."""
-    return np.ascontiguousarray(constants.transpose())[..., None]
-
-
-def _cross_matrices(axis: Float) -> Float:
-    """Matrices K with K v = axis x v, (..., 3) -> (..., 3, 3)."""
-    out = np.zeros((*axis.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -axis[..., 2], axis[..., 1], -axis[..., 0]
-    return out - out.swapaxes(-1, -2)

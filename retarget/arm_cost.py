@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.kinematics import HumanKinematics
-from flexmotion.retarget.arm_chain import ArmChain, ArmPoses, coordinates_first, coordinates_last
+from flexmotion.retarget import arm_loops
+from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
 from flexmotion.retarget.arm_clearance import BodyClearance
 from flexmotion.spatial.heading import matrix_heading
 
@@ -95,6 +96,17 @@ class ArmCost:
     def __init__(self, chain: ArmChain, clearance: BodyClearance, rest: Float) -> None:
         self.chain, self.clearance, self.rest = chain, clearance, rest
         self._shares = chain.lengths / chain.lengths.sum(axis=1, keepdims=True)
+        weights = arm_loops.Weights(
+            shares=np.ascontiguousarray(self._shares),
+            rest=np.ascontiguousarray(rest),
+            lower=np.ascontiguousarray(chain.lower),
+            upper=np.ascontiguousarray(chain.upper),
+            rest_weight=_REST_WEIGHT,
+            damping=_DAMPING,
+            held=_HELD,
+            in_the_body=_IN_THE_BODY,
+        )
+        self._loops = chain.arms, clearance.body, weights
 
     def features(self, poses: ArmPoses) -> Float:
         """What `compare` needs of poses (N, 2, ...), (2, N, 7)."""
@@ -115,77 +127,41 @@ class ArmCost:
 
     def of(self, targets: ArmTargets, q: Float) -> Float:
         """Cost of poses (..., 2, m), one for each target, (..., 2); in the body it is `_IN_THE_BODY` more at most."""
-        poses = self.chain.poses(q)
-        upper, fore = self._errors(targets, poses)
-        hand = self._shares[:, 0] * upper + self._shares[:, 1] * fore
-        cost: Float = np.sum(upper * upper + fore * fore + targets.hand_weight * hand * hand, axis=0)
-        depth = self.clearance.depth(poses, np.broadcast_to(targets.lean, q.shape[:-2]))
-        return cost + np.minimum(np.sum(depth * depth, axis=-1), _IN_THE_BODY)
+        found = arm_loops.costs(*self._loops, _wanted(targets, q), _poses(q))
+        return found.reshape(q.shape[:-1])
 
-    def normal(
-        self, targets: ArmTargets, q: Float, lower: Float, upper: Float, *, clear: bool = True
-    ) -> tuple[Float, Float, Float]:
+    def normal(self, targets: ArmTargets, q: Float) -> tuple[Float, Float, Float]:
         """Gauss-Newton equations of half the cost at poses (..., 2, m).
 
-        Joints at a limit, (2, m) [rad], that the cost pushes further are held there.
+        Joints at a limit that the cost pushes further are held there.
 
         Returns:
             Matrix (..., 2, m, m) and right side (..., 2, m), so that a step solves matrix x step = right; the cost,
             (..., 2).
         """
-        poses = self.chain.poses(q)
-        residual, jacobian = self._directions(targets, poses)
-        matrix = np.einsum("ri...,rj...->ij...", jacobian, jacobian)
-        push = np.einsum("ri...,r...->i...", jacobian, residual)
-        cost = np.sum(residual * residual, axis=0)
-        if clear:
-            depth, slope = self.clearance.residual(poses, targets.lean)
-            if depth.any():
-                matrix += np.einsum("...ip,...jp->ij...", slope, slope)
-                push += np.einsum("...ip,...p->i...", slope, depth)
-                cost += np.sum(depth * depth, axis=-1)
-        matrix = matrix.transpose(*range(2, matrix.ndim), 0, 1)
-        right = -coordinates_last(push) - _REST_WEIGHT * (q - self.rest)
-        held = ((q <= lower) & (right < 0.0)) | ((q >= upper) & (right > 0.0))
-        diagonal = np.einsum("...ii->...i", matrix)
-        if held.any():
-            free = (~held).astype(float)
-            matrix *= free[..., None] * free[..., None, :]
-            right *= free
-            diagonal += _HELD * held
-        diagonal += _DAMPING + _REST_WEIGHT
-        return matrix, right, cost
+        matrix, right, cost = arm_loops.normal(*self._loops, _wanted(targets, q), _poses(q), True)
+        return matrix.reshape(*q.shape, q.shape[-1]), right.reshape(q.shape), cost.reshape(q.shape[:-1])
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
         """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself, by directions alone."""
-        lower, upper = self.chain.lower, self.chain.upper
-        matrix, right, _ = self.normal(targets, q, lower, upper, clear=False)
+        matrix, right, _ = arm_loops.normal(*self._loops, _wanted(targets, q), _poses(q), False)
         step = np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
-        return np.clip(q + _bounded(step), lower, upper)
+        return np.clip(q + _bounded(step).reshape(q.shape), self.chain.lower, self.chain.upper)
 
-    def _errors(self, targets: ArmTargets, poses: ArmPoses) -> tuple[Float, Float]:
-        """Differences of the directions of upper arms and forearms from the targets, (3, ..., 2) each."""
-        return (
-            coordinates_first(poses.upper) - coordinates_first(targets.upper),
-            coordinates_first(poses.fore) - coordinates_first(targets.fore),
-        )
 
-    def _directions(self, targets: ArmTargets, poses: ArmPoses) -> tuple[Float, Float]:
-        """Residuals, (6, ..., 2), and their derivatives by the joints, (6, m, ..., 2); their squares sum to the cost.
+def _wanted(targets: ArmTargets, q: Float) -> arm_loops.Wanted:
+    """The targets of poses (..., 2, m), as the compiled loops take them."""
 
-        The cost is quadratic in both differences, with the weights [[1 + h a², h a b], [h a b, 1 + h b²]] of each of
-        their coordinates: the residuals are those differences times its Cholesky factor.
-        """
-        (a, b), h = self._shares.T, targets.hand_weight
-        first = np.sqrt(1.0 + h * a * a)
-        mixed = h * a * b / first
-        second = np.sqrt(1.0 + h * b * b - mixed * mixed)
-        upper, fore = self._errors(targets, poses)
-        du, df = (
-            array.transpose(-1, -2, *range(array.ndim - 2)) for array in (poses.upper_jacobian, poses.fore_jacobian)
-        )
-        residual = np.concatenate([first * upper + mixed * fore, second * fore])
-        return residual, np.concatenate([first * du + mixed * df, second * df])
+    def each(array: Float, *own: int) -> Float:
+        return np.ascontiguousarray(np.broadcast_to(array, (*q.shape[:-2], *own))).reshape(-1, *own)
+
+    return arm_loops.Wanted(
+        each(targets.upper, 2, 3), each(targets.fore, 2, 3), each(targets.hand_weight, 2), each(targets.lean)
+    )
+
+
+def _poses(q: Float) -> Float:
+    return np.ascontiguousarray(q.reshape(-1, *q.shape[-2:]))
 
 
 def _bounded(step: Float) -> Float:

@@ -58,7 +58,7 @@ class ArmPath:
         band, first = _second_differences(frames, len(known))
         damping, cost = np.zeros((frames, 2)), np.full((frames, 2), np.inf)
         for _ in range(_STEPS):
-            matrix, right, found = self.cost.normal(targets, q, lower, upper)
+            matrix, right, found = self.cost.normal(targets, q)
             damping = np.where(found > cost, np.maximum(_HARDER * damping, _DAMPED), _SOFTER * damping)
             cost = found
             np.einsum("...ii->...i", matrix)[...] += damping[..., None]
