@@ -229,7 +229,7 @@ def _depth(body: Body, begin: Float, hand: Float, share: float, lean: float, awa
         deepest = found
         for row in range(3):
             beyond = abs(local[row]) - body.half[box, row]
-            normal = float(beyond == farthest) if outside == 0.0 else max(beyond, 0.0) / max(outside, 1e-9)
+            normal = max(beyond, 0.0) / outside if outside > 0.0 else 1.0 if beyond == farthest else 0.0
             local[row] = normal * np.sign(local[row])
         for row in range(3):
             away[row] = 0.0
