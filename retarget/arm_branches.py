@@ -37,8 +37,6 @@ _WINDING_COST = 3.0
 `_COST_FPS`: half a turn of two joints costs as much as both directions being 60 degrees off for a second."""
 _COST_FPS = 30.0
 
-_SIDES = np.arange(2)
-
 
 class ArmBranches:
     """Chooses configurations of both arms of one robot.
@@ -87,16 +85,11 @@ class ArmBranches:
 
     def _candidates(self, targets: ArmTargets) -> tuple[Float, Float]:
         """Poses (F, K, 2, m) [rad] and their costs (F, K, 2)."""
-        sampled = self.cost.compare(targets, self._features).reshape(2, len(targets.upper), _CELLS, _SAMPLES)
-        best = sampled.argmin(axis=-1)
-        least = np.take_along_axis(sampled, best[..., None], axis=-1)[..., 0]
-        cells = np.argpartition(least, _CANDIDATES - 1, axis=-1)[..., :_CANDIDATES]
-        samples = np.take_along_axis(best, cells, axis=-1)
-        poses = self._poses[cells.transpose(1, 2, 0), samples.transpose(1, 2, 0), _SIDES]
-        wide = targets.for_candidates()
+        poses = arm_loops.best_samples(self.cost.compare(targets, self._features), self._poses, _CANDIDATES)
+        each = poses.reshape(-1, *poses.shape[2:])
         for _ in range(_REFINEMENTS):
-            poses = self.cost.improved(wide, poses)
-        return poses, self.cost.of(wide, poses)
+            each = self.cost.improved(targets, each)
+        return each.reshape(poses.shape), self.cost.of(targets, each).reshape(poses.shape[:-1])
 
 
 def _cells(lower: Float, upper: Float, count: int) -> Float:

@@ -79,10 +79,6 @@ class ArmTargets:
         """Those of some frames."""
         return ArmTargets(self.upper[rows], self.fore[rows], self.hand_weight[rows], self.lean[rows])
 
-    def for_candidates(self) -> ArmTargets:
-        """The same for any number of poses of each frame, (F, 1, 2, ...)."""
-        return ArmTargets(self.upper[:, None], self.fore[:, None], self.hand_weight[:, None], self.lean[:, None])
-
 
 class ArmCost:
     """Cost of poses of both arms of one robot.
@@ -126,48 +122,31 @@ class ArmCost:
         return costs
 
     def of(self, targets: ArmTargets, q: Float) -> Float:
-        """Cost of poses (..., 2, m), one for each target, (..., 2); in the body it is `_IN_THE_BODY` more at most."""
-        found = arm_loops.costs(*self._loops, _wanted(targets, q), _poses(q))
-        return found.reshape(q.shape[:-1])
+        """Cost of poses, equally many of each target in turn, (N, 2, m) [rad]: (N, 2).
+
+        In the body it is `_IN_THE_BODY` more at most.
+        """
+        return arm_loops.costs(*self._loops, _wanted(targets), q)
 
     def normal(self, targets: ArmTargets, q: Float) -> tuple[Float, Float, Float]:
-        """Gauss-Newton equations of half the cost at poses (..., 2, m).
+        """Gauss-Newton equations of half the cost at poses (N, 2, m), as of `of`.
 
         Joints at a limit that the cost pushes further are held there.
 
         Returns:
-            Matrix (..., 2, m, m) and right side (..., 2, m), so that a step solves matrix x step = right; the cost,
-            (..., 2).
+            Matrix (N, 2, m, m) and right side (N, 2, m), so that a step solves matrix x step = right; the cost, (N, 2).
         """
-        matrix, right, cost = arm_loops.normal(*self._loops, _wanted(targets, q), _poses(q), True)
-        return matrix.reshape(*q.shape, q.shape[-1]), right.reshape(q.shape), cost.reshape(q.shape[:-1])
+        return arm_loops.normal(*self._loops, _wanted(targets), q)
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
-        """Poses (..., 2, m) after one bounded Gauss-Newton step of each by itself, by directions alone."""
-        matrix, right, _ = arm_loops.normal(*self._loops, _wanted(targets, q), _poses(q), False)
-        step = np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
-        return np.clip(q + _bounded(step).reshape(q.shape), self.chain.lower, self.chain.upper)
+        """Poses (N, 2, m), as of `of`, after one bounded Gauss-Newton step of each by itself, by directions alone."""
+        return arm_loops.improved(*self._loops, _wanted(targets), q, LONGEST_STEP)
 
 
-def _wanted(targets: ArmTargets, q: Float) -> arm_loops.Wanted:
-    """The targets of poses (..., 2, m), as the compiled loops take them."""
-
-    def each(array: Float, *own: int) -> Float:
-        return np.ascontiguousarray(np.broadcast_to(array, (*q.shape[:-2], *own))).reshape(-1, *own)
-
-    return arm_loops.Wanted(
-        each(targets.upper, 2, 3), each(targets.fore, 2, 3), each(targets.hand_weight, 2), each(targets.lean)
-    )
-
-
-def _poses(q: Float) -> Float:
-    return np.ascontiguousarray(q.reshape(-1, *q.shape[-2:]))
-
-
-def _bounded(step: Float) -> Float:
-    """Steps (..., m) shortened so that no joint moves further than `LONGEST_STEP`."""
-    longest = np.abs(step).max(axis=-1, keepdims=True)
-    return step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-12))
+def _wanted(targets: ArmTargets) -> arm_loops.Wanted:
+    """The targets as the compiled loops take them."""
+    arrays = targets.upper, targets.fore, targets.hand_weight, targets.lean
+    return arm_loops.Wanted(*map(np.ascontiguousarray, arrays))
 
 
 def _unit(vectors: Float) -> Float:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.compiled import BOOL, FLOAT, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import FLOAT, FLOATS, INT, compiled, fields, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -79,7 +79,10 @@ class Weights(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """What each pose is compared with: directions (N, 2, 3) each, weight of the hand (N, 2), lean (N,) [rad]."""
+    """What poses are compared with, by frame: directions (F, 2, 3) each, weight of the hand (F, 2), lean (F,) [rad].
+
+    Each frame has as many poses as any other one, one after the other.
+    """
 
     upper: Float
     fore: Float
@@ -287,21 +290,23 @@ def _factors(weights: Weights, side: int, hand_weight: float) -> tuple[float, fl
 def costs(arms: Arms, body: Body, weights: Weights, wanted: Wanted, q: Float) -> Float:
     """Cost of poses (N, 2, m), (N, 2); see `ArmCost.of`."""
     number, _, count = q.shape
-    out = np.empty((number, 2))
+    out, each = np.empty((number, 2)), number // len(wanted.lean)
     axis, anchor, hand, away = np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty(3)
     unit, slope = np.empty((2, 3)), np.empty((2, count, 3))
     for n in range(number):
+        frame = n // each
         for side in range(2):
             _place(arms, side, q[n, side], axis, anchor, hand)
             _segments(arms, axis, anchor, hand, unit, slope)
-            first, mixed, second = _factors(weights, side, wanted.hand_weight[n, side])
+            first, mixed, second = _factors(weights, side, wanted.hand_weight[frame, side])
             total, deep = 0.0, 0.0
             for row in range(3):
-                upper, fore = unit[0, row] - wanted.upper[n, side, row], unit[1, row] - wanted.fore[n, side, row]
+                upper = unit[0, row] - wanted.upper[frame, side, row]
+                fore = unit[1, row] - wanted.fore[frame, side, row]
                 total += (first * upper + mixed * fore) ** 2 + (second * fore) ** 2
             begin = anchor[arms.shoulder if arms.elbow < 0 else arms.elbow]
             for share in body.shares:
-                deep += (body.scale[side] * _depth(body, begin, hand, share, wanted.lean[n], away)) ** 2
+                deep += (body.scale[side] * _depth(body, begin, hand, share, wanted.lean[frame], away)) ** 2
             out[n, side] = total + min(deep, weights.in_the_body)
     return out
 
@@ -316,38 +321,44 @@ def _add(matrix: Float, push: Float, slope: Float, residual: float) -> float:
     return residual * residual
 
 
-@compiled(_ARMS, _BODY, _WEIGHTS, _WANTED, FLOATS[3], BOOL)
-def normal(
-    arms: Arms, body: Body, weights: Weights, wanted: Wanted, q: Float, clear: bool
-) -> tuple[Float, Float, Float]:
-    """Gauss-Newton equations of half the cost at poses (N, 2, m): (N, 2, m, m), (N, 2, m), and the cost (N, 2).
-
-    See `ArmCost.normal`; `clear`: the depth in the body counts.
-    """
+@part
+def _equations(
+    arms: Arms,
+    body: Body,
+    weights: Weights,
+    wanted: Wanted,
+    q: Float,
+    clear: bool,
+    matrix: Float,
+    right: Float,
+    cost: Float,
+) -> None:
+    """Write what `normal` returns."""
     number, _, count = q.shape
-    matrix, right, cost = np.zeros((number, 2, count, count)), np.empty((number, 2, count)), np.zeros((number, 2))
+    each = number // len(wanted.lean)
     axis, anchor, hand, away = np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty(3)
     unit, slope, row_slope = np.empty((2, 3)), np.empty((2, count, 3)), np.empty(count)
+    matrix[:], right[:], cost[:] = 0.0, 0.0, 0.0
     for n in range(number):
+        frame = n // each
         for side in range(2):
             _place(arms, side, q[n, side], axis, anchor, hand)
             _segments(arms, axis, anchor, hand, unit, slope)
-            first, mixed, second = _factors(weights, side, wanted.hand_weight[n, side])
+            first, mixed, second = _factors(weights, side, wanted.hand_weight[frame, side])
             own, push = matrix[n, side], right[n, side]
-            push[:] = 0.0
             for row in range(6):
                 # Differences of the upper arm's direction come first, those of the forearm's last.
                 x = row % 3
                 a, b = (first, mixed) if row < 3 else (0.0, second)
-                fore = unit[1, x] - wanted.fore[n, side, x]
-                residual = a * (unit[0, x] - wanted.upper[n, side, x]) + b * fore
+                fore = unit[1, x] - wanted.fore[frame, side, x]
+                residual = a * (unit[0, x] - wanted.upper[frame, side, x]) + b * fore
                 for k in range(count):
                     row_slope[k] = a * slope[0, k, x] + b * slope[1, k, x]
                 cost[n, side] += _add(own, push, row_slope, residual)
             if clear:
                 begin = anchor[arms.shoulder if arms.elbow < 0 else arms.elbow]
                 for share in body.shares:
-                    depth = _depth(body, begin, hand, share, wanted.lean[n], away)
+                    depth = _depth(body, begin, hand, share, wanted.lean[frame], away)
                     if depth > 0.0:
                         for k in range(count):
                             row_slope[k] = _depth_slope(body, side, share, slope, k, away)
@@ -360,7 +371,37 @@ def normal(
                     own[k], own[:, k], push[k] = 0.0, 0.0, 0.0
                     own[k, k] = weights.held
                 own[k, k] += weights.damping + weights.rest_weight
+
+
+@compiled(_ARMS, _BODY, _WEIGHTS, _WANTED, FLOATS[3])
+def normal(arms: Arms, body: Body, weights: Weights, wanted: Wanted, q: Float) -> tuple[Float, Float, Float]:
+    """Gauss-Newton equations of half the cost at poses (N, 2, m): (N, 2, m, m), (N, 2, m), and the cost (N, 2).
+
+    See `ArmCost.normal`.
+    """
+    number, _, count = q.shape
+    matrix, right, cost = np.empty((number, 2, count, count)), np.empty((number, 2, count)), np.empty((number, 2))
+    _equations(arms, body, weights, wanted, q, True, matrix, right, cost)
     return matrix, right, cost
+
+
+@compiled(_ARMS, _BODY, _WEIGHTS, _WANTED, FLOATS[3], FLOAT)
+def improved(arms: Arms, body: Body, weights: Weights, wanted: Wanted, q: Float, longest: float) -> Float:
+    """Poses (N, 2, m) after a Gauss-Newton step of each by itself in which no joint moves further than `longest` [rad].
+
+    By directions alone; see `ArmCost.improved`.
+    """
+    number, _, count = q.shape
+    matrix, right, cost = np.empty((number, 2, count, count)), np.empty((number, 2, count)), np.empty((number, 2))
+    _equations(arms, body, weights, wanted, q, False, matrix, right, cost)
+    for n in range(number):
+        for side in range(2):
+            step = np.linalg.solve(matrix[n, side], right[n, side])
+            share = min(1.0, longest / max(np.abs(step).max(), 1e-12))
+            for k in range(count):
+                moved = q[n, side, k] + share * step[k]
+                right[n, side, k] = min(max(moved, weights.lower[side, k]), weights.upper[side, k])
+    return right
 
 
 @part
@@ -403,4 +444,29 @@ def cheapest(q: Float, cost: Float, start: Float, reach: Float, travel: float, w
         for frame in range(frames - 1, -1, -1):
             out[frame, side] = q[frame, best, side]
             best = before[frame, best]
+    return out
+
+
+@compiled(FLOATS[3], FLOATS[4], INT)
+def best_samples(cost: Float, samples: Float, candidates: int) -> Float:
+    """The best sample of each of the best cells of every frame, (F, candidates, 2, m) [rad].
+
+    Args:
+        cost: of the samples of all cells, (2, F, cells * samples of each).
+        samples: (cells, samples of each, 2, m) [rad].
+        candidates: number of cells.
+    """
+    _, frames, _ = cost.shape
+    cells, number, _, count = samples.shape
+    out, least, best = np.empty((frames, candidates, 2, count)), np.empty(cells), np.empty(cells, np.int64)
+    for side in range(2):
+        for frame in range(frames):
+            for cell in range(cells):
+                own = cost[side, frame, cell * number : (cell + 1) * number]
+                best[cell] = np.argmin(own)
+                least[cell] = own[best[cell]]
+            for place in range(candidates):
+                cell = int(np.argmin(least))
+                least[cell] = np.inf
+                out[frame, place, side] = samples[cell, best[cell], side]
     return out
