@@ -470,3 +470,60 @@ def best_samples(cost: Float, samples: Float, candidates: int) -> Float:
                 least[cell] = np.inf
                 out[frame, place, side] = samples[cell, best[cell], side]
     return out
+
+
+@compiled(FLOATS[4], FLOATS[3], FLOATS[3], FLOATS[2], FLOAT, FLOATS[2], FLOAT)
+def path_equations(
+    matrix: Float, right: Float, line: Float, damping: Float, bend: float, reach: Float, speed: float
+) -> tuple[Float, Float]:
+    """Equations of all frames of both arms, coupled by accelerations and by speeds beyond what joints can do.
+
+    Args:
+        matrix, right: of each frame by itself, (F, 2, m, m) and (F, 2, m).
+        line: joint angles of the known frames before the first one, then of the frames, (known + F, 2, m) [rad].
+        damping: added to each frame's diagonal, (F, 2).
+        bend: weight of a squared second difference; speed: of a squared radian beyond `reach`, (2, m) [rad].
+
+    Returns:
+        Lower bands (2 m + 1, 2 F m) and right side (2 F m,), for LAPACK's dpbsv: of the left arm, then of the right.
+    """
+    frames, _, count = right.shape
+    known = len(line) - frames
+    bands, sides = np.zeros((2 * count + 1, 2 * frames * count)), np.empty(2 * frames * count)
+    for side in range(2):
+        first = side * frames * count
+        for frame in range(frames):
+            for i in range(count):
+                at = first + frame * count + i
+                sides[at] = right[frame, side, i]
+                bands[0, at] = damping[frame, side]
+                for j in range(i, count):
+                    bands[j - i, first + frame * count + i] += matrix[frame, side, j, i]
+        for joint in range(count):
+            # Of a second difference x[t] - 2 x[t+1] + x[t+2], each squared.
+            for t in range(len(line) - 2):
+                found = bend * (line[t, side, joint] - 2.0 * line[t + 1, side, joint] + line[t + 2, side, joint])
+                for i in range(3):
+                    own = 1.0 if i != 1 else -2.0
+                    row = t + i - known
+                    if row < 0:
+                        continue
+                    at = first + row * count + joint
+                    sides[at] -= own * found
+                    for apart in range(3 - i):
+                        bands[apart * count, at] += bend * own * (1.0 if i + apart != 1 else -2.0)
+            for t in range(len(line) - 1):
+                change = line[t + 1, side, joint] - line[t, side, joint]
+                if abs(change) <= reach[side, joint]:
+                    continue
+                excess = speed * (change - np.sign(change) * reach[side, joint])
+                row = t - known
+                at = first + row * count + joint
+                if row >= 0:
+                    sides[at] += excess
+                    bands[0, at] += speed
+                    bands[count, at] -= speed
+                if row >= -1:
+                    sides[at + count] -= excess
+                    bands[0, at + count] += speed
+    return bands, sides

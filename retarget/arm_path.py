@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbsv
 
+from flexmotion.retarget import arm_loops
 from flexmotion.retarget.arm_chain import ArmChain
 from flexmotion.retarget.arm_cost import LONGEST_STEP, ArmCost, ArmTargets
 
@@ -55,72 +56,22 @@ class ArmPath:
         lower, upper = self.chain.lower, self.chain.upper
         weight, reach = (fps / _BANDWIDTH) ** 4, self.speed / fps
         known = np.zeros((0, 2, count)) if before is None else before
-        band, first = _second_differences(frames, len(known))
         damping, cost = np.zeros((frames, 2)), np.full((frames, 2), np.inf)
         for _ in range(_STEPS):
             matrix, right, found = self.cost.normal(targets, q)
             damping = np.where(found > cost, np.maximum(_HARDER * damping, _DAMPED), _SOFTER * damping)
             cost = found
-            np.einsum("...ii->...i", matrix)[...] += damping[..., None]
             line = np.concatenate([known, q])
-            bend = line[2:] - 2.0 * line[1:-1] + line[:-2]
-            pull = np.zeros_like(line)
-            pull[2:] -= bend
-            pull[1:-1] += 2.0 * bend
-            pull[:-2] -= bend
-            change = line[1:] - line[:-1]
-            beyond = np.where(np.abs(change) > reach, _SPEED_WEIGHT, 0.0)
-            excess = beyond * (change - np.sign(change) * reach)
-            pull = weight * pull
-            pull[1:] -= excess
-            pull[:-1] += excess
-            step = _solve(matrix, right + pull[first:], weight * band, beyond, first)
+            bands, sides = arm_loops.path_equations(matrix, right, line, damping, weight, reach, _SPEED_WEIGHT)
+            _, step, failed = dpbsv(bands, sides, lower=1)
+            if failed:
+                raise np.linalg.LinAlgError(f"the equations of the arms' path are not positive definite (row {failed})")
+            step = step.reshape(2, frames, count).swapaxes(0, 1)
             # All frames of an arm by the same share: the path stays smooth.
             step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=(0, 2), keepdims=True), 1e-12))
-            moved = np.clip(q + step, lower, upper)
+            moved = np.minimum(np.maximum(q + step, lower), upper)
             far = np.abs(moved - q).max()
             q = moved
             if far < _ARRIVED:
                 break
         return q
-
-
-def _second_differences(frames: int, known: int) -> tuple[Float, int]:
-    """Diagonals of D'D for second differences D over `known` and then `frames` values, of the latter: (3, frames)."""
-    total = frames + known
-    band = np.zeros((3, total))
-    if total >= 3:
-        band[0, :-2] += 1.0
-        band[0, 1:-1] += 4.0
-        band[0, 2:] += 1.0
-        band[1, :-2] -= 2.0
-        band[1, 1:-1] -= 2.0
-        band[2, :-2] += 1.0
-    return band[:, known:], known
-
-
-def _solve(matrix: Float, right: Float, band: Float, beyond: Float, known: int) -> Float:
-    """Solve the banded equations of both sides.
-
-    Args:
-        matrix, right: of each frame by itself, (F, 2, m, m) and (F, 2, m).
-        band: diagonals that couple equal joints of the frames, (3, F).
-        beyond: weight of the change from each frame to the next, from the first known frame on, (known + F - 1, 2, m).
-        known: number of known frames before the first.
-    """
-    frames, _, count = right.shape
-    lower = np.zeros((2 * count + 1, 2, frames, count))
-    for offset in range(count):
-        # Below the diagonal of each block.
-        lower[offset, :, :, : count - offset] = np.einsum("fsii->sfi", matrix[:, :, offset:, : count - offset])
-    for apart in range(3):
-        lower[apart * count] += band[apart][:, None]
-    links = beyond.swapaxes(0, 1)
-    lower[0, :, :-1] += links[:, known:]
-    lower[count, :, :-1] -= links[:, known:]
-    lower[0, :, (0 if known else 1) :] += links[:, max(known - 1, 0) :]
-    _, found, failed = dpbsv(lower.reshape(2 * count + 1, -1), right.swapaxes(0, 1).reshape(-1), lower=1)
-    if failed:
-        raise np.linalg.LinAlgError(f"the equations of the arms' path are not positive definite (row {failed})")
-    step: Float = found.reshape(2, frames, count).swapaxes(0, 1)
-    return step
