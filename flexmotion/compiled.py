@@ -20,13 +20,16 @@ log = logging.getLogger(__name__)
 F = TypeVar("F", bound=Callable[..., Any])
 
 FLOAT, INT, BOOL = types.float64, types.int64, types.boolean
-FLOATS = {rank: types.Array(FLOAT, rank, "C") for rank in range(1, 6)}
+FLOATS = {rank: types.Array(FLOAT, rank, "C", readonly=True) for rank in range(1, 6)}
 """Type of a contiguous array of floats by its rank."""
+ANY = {rank: types.Array(FLOAT, rank, "A", readonly=True) for rank in range(1, 6)}
+"""Type of an array of floats of any strides by its rank."""
 
 
 def fields(record: type[NamedTuple], *kinds: types.Type) -> types.Type:
-    """Type of a named tuple with fields of these types."""
-    return types.NamedTuple(kinds, record)
+    """Type of a named tuple with fields of these types; its arrays must be writable, others need not be."""
+    own = [kind.copy(readonly=False) if isinstance(kind, types.Array) else kind for kind in kinds]
+    return types.BaseTuple.from_types(own, record)
 
 
 def part(function: F) -> F:

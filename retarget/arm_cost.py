@@ -146,7 +146,7 @@ class ArmCost:
 def _wanted(targets: ArmTargets) -> arm_loops.Wanted:
     """The targets as the compiled loops take them."""
     arrays = targets.upper, targets.fore, targets.hand_weight, targets.lean
-    return arm_loops.Wanted(*map(np.ascontiguousarray, arrays))
+    return arm_loops.Wanted(*(np.require(array, requirements=("C", "W")) for array in arrays))
 
 
 def _unit(vectors: Float) -> Float:

@@ -2,19 +2,22 @@
 
 After Kajita et al., *Introduction to Humanoid Robotics* (2014), section 2.5.2: where the three hip axes meet in one
 point and the two ankle axes in another, knee and ankle follow from the triangle hip-knee-ankle, and the hip from the
-remaining rotation. Vectorised over any number of rows.
+remaining rotation. Compiled, over any number of rows.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import ANY, FLOATS, compiled, fields
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.leg_check import check_height, check_order, check_poses
@@ -158,14 +161,7 @@ class Legs:
 
     def __init__(self, legs: Sequence[Leg]) -> None:
         self.indices = np.stack([leg.indices for leg in legs])
-        self._signs = np.stack([leg.signs for leg in legs])[:, None]
-        # Coordinates first, then legs, then one row.
-        self._hip, self._sole = (
-            np.stack([getattr(leg, name) for leg in legs], axis=1)[..., None] for name in ("hip", "sole")
-        )
-        self._thigh, self._shank, self._length = (
-            np.array([[getattr(leg, name)] for leg in legs]) for name in ("thigh", "shank", "length")
-        )
+        self._geometry = _Geometry(*(np.array([getattr(leg, name) for leg in legs]) for name in _Geometry._fields))
 
     def solve(
         self, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float
@@ -178,32 +174,67 @@ class Legs:
         Returns:
             As `Leg.solve`, (S, T, 6) [rad] and (S, T) [m].
         """
-        # Coordinates first in memory: numpy is fastest along a long last axis. Matrices are (row, column, S, T).
-        torso = np.ascontiguousarray(torso_rotation.transpose(1, 2, 0))[:, :, None]
-        sole = np.ascontiguousarray(sole_rotation.transpose(2, 3, 0, 1))
-        hip = torso_position.T[:, None] + (torso * self._hip).sum(axis=1)
-        ahead, aside, below = self._sole + (sole * (hip - sole_position.transpose(2, 0, 1))[:, None]).sum(axis=0)
-        across = aside * aside + below * below
-        distance = np.sqrt(ahead * ahead + across)
-        thigh, shank = self._thigh, self._shank
-        reach = np.minimum(np.maximum(distance, np.abs(thigh - shank) + _LEAST_REACH), self._length)
-        cosine = (reach * reach - thigh**2 - shank**2) / (2 * thigh * shank)
-        knee = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
-        ankle_roll = np.arctan2(aside, below)
-        lean = np.arctan2(-ahead, np.sqrt(across))
-        ankle_pitch = lean - np.arctan2(thigh * np.sin(knee), shank + thigh * np.cos(knee))
-        # The hip's rotation is torso.T @ sole @ Rx(-ankle_roll) @ Ry(-ankle_pitch - knee); only parts of it are needed.
-        cos, sin = np.cos(ankle_roll), np.sin(ankle_roll)
-        left, top, up = sole[:, 1], sole[:, 2], torso[:, 2]
-        middle = (torso * (cos * left - sin * top)[:, None]).sum(axis=0)
-        first = (up * sole[:, 0]).sum(axis=0)
-        last = (up * (sin * left + cos * top)).sum(axis=0)
-        bend = ankle_pitch + knee
-        cos, sin = np.cos(bend), np.sin(bend)
-        angles = np.empty((*reach.shape, len(CHAIN)))
-        angles[..., 0] = np.arctan2(-middle[0], middle[1])
-        angles[..., 1] = np.arcsin(np.minimum(np.maximum(middle[2], -1.0), 1.0))
-        angles[..., 2] = np.arctan2(-cos * first - sin * last, cos * last - sin * first)
-        angles[..., 3], angles[..., 4], angles[..., 5] = knee, ankle_pitch, ankle_roll
-        angles *= self._signs
-        return angles, np.abs(distance - reach)
+        return _solve(self._geometry, torso_position, torso_rotation, sole_position, sole_rotation)
+
+
+class _Geometry(NamedTuple):
+    """Geometry of several legs, as of `Leg`, (S, ...)."""
+
+    signs: Float
+    hip: Float
+    sole: Float
+    thigh: Float
+    shank: Float
+    length: Float
+
+
+@compiled(fields(_Geometry, *[FLOATS[2]] * 3, *[FLOATS[1]] * 3), ANY[2], ANY[3], ANY[3], ANY[4])
+def _solve(
+    legs: _Geometry, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float
+) -> tuple[Float, Float]:
+    """`Legs.solve`."""
+    number, rows = len(legs.thigh), len(torso_position)
+    angles, missing = np.empty((number, rows, 6)), np.empty((number, rows))
+    away, middle = np.empty(3), np.empty(3)
+    for leg in range(number):
+        thigh, shank = legs.thigh[leg], legs.shank[leg]
+        least = abs(thigh - shank) + _LEAST_REACH
+        for t in range(rows):
+            torso, sole = torso_rotation[t], sole_rotation[leg, t]
+            for i in range(3):
+                away[i] = torso_position[t, i] - sole_position[leg, t, i]
+                for j in range(3):
+                    away[i] += torso[i, j] * legs.hip[leg, j]
+            ahead, aside, below = legs.sole[leg, 0], legs.sole[leg, 1], legs.sole[leg, 2]
+            for j in range(3):
+                ahead += sole[j, 0] * away[j]
+                aside += sole[j, 1] * away[j]
+                below += sole[j, 2] * away[j]
+            across = aside * aside + below * below
+            distance = math.sqrt(ahead * ahead + across)
+            reach = min(max(distance, least), legs.length[leg])
+            cosine = (reach * reach - thigh * thigh - shank * shank) / (2.0 * thigh * shank)
+            knee = math.acos(min(max(cosine, -1.0), 1.0))
+            roll = math.atan2(aside, below)
+            pitch = math.atan2(-ahead, math.sqrt(across))
+            pitch -= math.atan2(thigh * math.sin(knee), shank + thigh * math.cos(knee))
+            # The hip's rotation is torso.T @ sole @ Rx(-roll) @ Ry(-pitch - knee); only parts of it are needed.
+            cos, sin = math.cos(roll), math.sin(roll)
+            middle[:] = 0.0
+            first, last = 0.0, 0.0
+            for j in range(3):
+                turned = cos * sole[j, 1] - sin * sole[j, 2]
+                for i in range(3):
+                    middle[i] += torso[j, i] * turned
+                first += torso[j, 2] * sole[j, 0]
+                last += torso[j, 2] * (sin * sole[j, 1] + cos * sole[j, 2])
+            cos, sin = math.cos(pitch + knee), math.sin(pitch + knee)
+            found = angles[leg, t]
+            found[0] = math.atan2(-middle[0], middle[1])
+            found[1] = math.asin(min(max(middle[2], -1.0), 1.0))
+            found[2] = math.atan2(-cos * first - sin * last, cos * last - sin * first)
+            found[3], found[4], found[5] = knee, pitch, roll
+            for joint in range(6):
+                found[joint] *= legs.signs[leg, joint]
+            missing[leg, t] = abs(distance - reach)
+    return angles, missing

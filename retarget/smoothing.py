@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.human.filters import recursive
+from flexmotion.compiled import FLOAT, FLOATS, compiled
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -68,60 +67,32 @@ class Follower:
             Positions and velocities after each row, (T, C) each, and whether the speed and the acceleration bound were
             active, (T, C) bool each.
         """
-        positions, velocities = self._unbounded(targets, position, velocity)
-        before = np.concatenate([velocity[None], velocities[:-1]])
-        slow = np.abs(velocities) > self.speed
-        soft = np.abs(velocities - before) > self.acceleration * self.dt
-        # Most channels of most plans meet no bound; the others run row by row from the first one on.
-        for channel in map(int, np.flatnonzero((slow | soft).any(axis=0))):
-            row = int((slow | soft)[:, channel].argmax())
-            x = positions[row - 1, channel] if row else position[channel]
-            line = self._bounded(targets[row:, channel], channel, float(x), float(before[row, channel]))
-            for array, values in zip((positions, velocities, slow, soft), line, strict=True):
-                array[row:, channel] = values
-        return positions, velocities, slow, soft
+        keep, pull = self._gains(self.omega)
+        return _follow(targets, position, velocity, keep, pull, self.speed, self.acceleration, self.dt)
 
-    def _unbounded(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float]:
-        """Positions and velocities of `follow` where no bound is met, (T, C) each.
 
-        Of positions alone it is the linear filter x_k = (1 + keep - pull) x_k-1 - keep x_k-2 + pull r_k.
-        """
-        positions = np.empty(targets.shape)
-        for omega, own in self._alike:
-            keep, pull = self._gains(omega)
-            pull = float(pull * self.dt)
-            start, last = position[own], keep * (position[own] - self.dt * velocity[own])
-            state = np.stack([(1.0 + keep - pull) * start - last, -keep * start])
-            positions[:, own] = recursive([pull], [pull - keep - 1.0, keep], targets[:, own], state)
-        moved = np.concatenate([position[None], positions])
-        return positions, (moved[1:] - moved[:-1]) / self.dt
-
-    @cached_property
-    def _alike(self) -> list[tuple[float, slice]]:
-        """Natural frequencies, and the channels next to each other that have them."""
-        edges = [0, *(np.flatnonzero(self.omega[1:] != self.omega[:-1]) + 1).tolist(), len(self.omega)]
-        return [(float(self.omega[a]), slice(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-
-    def _bounded(
-        self, targets: Float, channel: int, x: float, v: float
-    ) -> tuple[list[float], list[float], list[bool], list[bool]]:
-        """What `follow` returns for one channel, (T,) each.
-
-        Args:
-            targets: (T,); x, v: position and velocity before the first row.
-        """
-        keep, pull = map(float, self._gains(self.omega[channel]))
-        reach, fastest, dt = float(self.acceleration[channel]) * self.dt, float(self.speed[channel]), self.dt
-        positions, velocities, slow, soft = list[float](), list[float](), list[bool](), list[bool]()
-        # Plain numbers: numpy takes ten times as long for one at a time.
-        for target in targets.tolist():
-            wish = keep * v + pull * (target - x)
-            low, high = v - reach, v + reach
-            bound = low if wish < low else high if wish > high else wish
-            v = -fastest if bound < -fastest else fastest if bound > fastest else bound
+@compiled(FLOATS[2], *[FLOATS[1]] * 6, FLOAT)
+def _follow(
+    targets: Float,
+    position: Float,
+    velocity: Float,
+    keep: Float,
+    pull: Float,
+    speed: Float,
+    acceleration: Float,
+    dt: float,
+) -> tuple[Float, Float, Bool, Bool]:
+    """`Follower.follow`; keep, pull: gains of each channel, (C,)."""
+    positions, velocities = np.empty_like(targets), np.empty_like(targets)
+    slow, soft = np.empty(targets.shape, np.bool_), np.empty(targets.shape, np.bool_)
+    for channel in range(targets.shape[1]):
+        x, v = position[channel], velocity[channel]
+        reach, fastest = acceleration[channel] * dt, speed[channel]
+        for row in range(len(targets)):
+            wish = keep[channel] * v + pull[channel] * (targets[row, channel] - x)
+            bound = min(max(wish, v - reach), v + reach)
+            v = min(max(bound, -fastest), fastest)
             x += v * dt
-            positions.append(x)
-            velocities.append(v)
-            slow.append(v != bound)
-            soft.append(bound != wish)
-        return positions, velocities, slow, soft
+            positions[row, channel], velocities[row, channel] = x, v
+            slow[row, channel], soft[row, channel] = v != bound, bound != wish
+    return positions, velocities, slow, soft
