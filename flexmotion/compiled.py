@@ -24,6 +24,8 @@ FLOATS = {rank: types.Array(FLOAT, rank, "C", readonly=True) for rank in range(1
 """Type of a contiguous array of floats by its rank."""
 ANY = {rank: types.Array(FLOAT, rank, "A", readonly=True) for rank in range(1, 6)}
 """Type of an array of floats of any strides by its rank."""
+INTS = {rank: types.Array(INT, rank, "C", readonly=True) for rank in range(1, 3)}
+"""Type of a contiguous array of integers by its rank."""
 
 
 def fields(record: type[NamedTuple], *kinds: types.Type) -> types.Type:

@@ -7,16 +7,19 @@ tau = (M q'' + h)_joints - sum_feet J^T w  (Featherstone 2008, *Rigid Body Dynam
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import ANY, FLOATS, INTS, compiled, fields
 from flexmotion.configs.robot import Robot
-from flexmotion.human.vectors import cross
 from flexmotion.retarget.legs import Leg
-from flexmotion.spatial.rotations import matrices
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 
 class RobotDynamics:
@@ -30,9 +33,12 @@ class RobotDynamics:
         self.model.opt.disableflags |= int(disable.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.torso = robot.torso_id
-        self.leg_joints = np.array([[self.model.joint(robot.joint_names[i]).id for i in leg.indices] for leg in legs])
-        self.leg_columns = np.stack([leg.indices for leg in legs])
-        self.half_sizes = robot.sole_half_size
+        self._soles = _Soles(
+            joints=np.array([[self.model.joint(robot.joint_names[i]).id for i in leg.indices] for leg in legs]),
+            columns=np.stack([leg.indices for leg in legs]),
+            dofs=np.array(robot.dof_address),
+            half_sizes=np.array(robot.sole_half_size),
+        )
         self.mass = float(self.model.body_subtreemass[self.torso])
 
     def centre_of_mass(self, base: Float, q: Float) -> Float:
@@ -103,33 +109,77 @@ class RobotDynamics:
             axes_row[...], anchors_row[...] = xaxis, xanchor
         if not model.ntendon:
             force += model.dof_armature * qacc - passive_force
-        axes, anchors = (array.take(self.leg_joints, axis=1) for array in (all_axes, all_anchors))
-        torque = force[:, robot.dof_address].copy()
-        # Root rows: force in the world, moment in the torso frame about its origin.
-        total = force[:, :3]
-        moment = np.einsum("tij,tj->ti", matrices(base[:, 3:]), force[:, 3:6])
-        moment = moment + cross(base[:, :3], total)
-        zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
-        # From here on of both feet, (T, 2, ...).
-        weights, centres = np.stack([1.0 - share, share], axis=1)[:, :, None], feet[:, :, :3]
-        push = weights * total[:, None]
-        turn = weights * (moment - cross(centres, push).sum(axis=1))[:, None]
-        turn = self._inside_sole(turn, push[..., 2], feet[..., 3])
-        at_joint = turn[:, :, None] + cross(centres[:, :, None] - anchors, push[:, :, None])
-        torque[:, self.leg_columns] -= np.einsum("tsji,tsji->tsj", axes, at_joint)
-        return torque, zmp
+        return _divided(self._soles, force, base, all_axes, all_anchors, feet, share)
 
-    def _inside_sole(self, moment: Float, load: Float, yaw: Float) -> Float:
-        """Moments of the feet, bounded so that their centres of pressure are on the soles, (T, 2, 3) [N·m].
 
-        Args:
-            moment: about each sole's centre, in the world, (T, 2, 3) [N·m]; load: vertical force, (T, 2) [N].
-            yaw: of the feet, (T, 2) [rad].
-        """
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        about_x = cos * moment[..., 0] + sin * moment[..., 1]
-        about_y = cos * moment[..., 1] - sin * moment[..., 0]
-        most_x, most_y = (half * np.maximum(load, 0.0) for half in (self.half_sizes[:, 1], self.half_sizes[:, 0]))
-        about_x = np.minimum(np.maximum(about_x, -most_x), most_x)
-        about_y = np.minimum(np.maximum(about_y, -most_y), most_y)
-        return np.stack([cos * about_x - sin * about_y, sin * about_x + cos * about_y, moment[..., 2]], axis=-1)
+class _Soles(NamedTuple):
+    """Whose torques the ground forces reduce.
+
+    Attributes:
+        joints, columns: of both legs, in the model and in the robot's order, (2, 6).
+        dofs: of all joints of the robot, (n,).
+        half_sizes: of both soles, (2, 2) [m].
+    """
+
+    joints: Int
+    columns: Int
+    dofs: Int
+    half_sizes: Float
+
+
+@compiled(fields(_Soles, *[INTS[2]] * 2, INTS[1], FLOATS[2]), FLOATS[2], ANY[2], *[FLOATS[3]] * 2, ANY[3], ANY[1])
+def _divided(
+    soles: _Soles, force: Float, base: Float, axes: Float, anchors: Float, feet: Float, share: Float
+) -> tuple[Float, Float]:
+    """Joint torques and zero-moment point of the whole body's dynamics; returns as `RobotDynamics.inverse`.
+
+    Args:
+        force: of all degrees of freedom, without the ground's, (T, nv); the root's: force in the world, moment in the
+            torso frame about its origin.
+        base, feet, share: as of `RobotDynamics.inverse`.
+        axes, anchors: of all joints of the model, (T, njnt, 3).
+    """
+    rows, count = len(force), len(soles.dofs)
+    torque, zmp = np.empty((rows, count)), np.empty((rows, 2))
+    for t in range(rows):
+        for joint in range(count):
+            torque[t, joint] = force[t, soles.dofs[joint]]
+        fx, fy, fz = force[t, 0], force[t, 1], force[t, 2]
+        # About the world's origin: the moment turned by the quaternion w, x, y, z, and that of the force.
+        w, x, y, z = base[t, 3], base[t, 4], base[t, 5], base[t, 6]
+        mx, my, mz = force[t, 3], force[t, 4], force[t, 5]
+        tx, ty, tz = 2.0 * (y * mz - z * my), 2.0 * (z * mx - x * mz), 2.0 * (x * my - y * mx)
+        mx, my, mz = (
+            mx + w * tx + y * tz - z * ty + base[t, 1] * fz - base[t, 2] * fy,
+            my + w * ty + z * tx - x * tz + base[t, 2] * fx - base[t, 0] * fz,
+            mz + w * tz + x * ty - y * tx + base[t, 0] * fy - base[t, 1] * fx,
+        )
+        load = max(fz, 1e-6)
+        zmp[t, 0], zmp[t, 1] = -my / load, mx / load
+        left = 1.0 - share[t]
+        # What the feet's forces leave of the moment, divided as they are.
+        for foot, part in ((0, left), (1, share[t])):
+            cx, cy, cz = feet[t, foot, 0], feet[t, foot, 1], feet[t, foot, 2]
+            mx -= part * (cy * fz - cz * fy)
+            my -= part * (cz * fx - cx * fz)
+            mz -= part * (cx * fy - cy * fx)
+        for foot, part in ((0, left), (1, share[t])):
+            px, py, pz = part * fx, part * fy, part * fz
+            # Bounded so that the centre of pressure is on the sole.
+            cos, sin = math.cos(feet[t, foot, 3]), math.sin(feet[t, foot, 3])
+            most_x = soles.half_sizes[foot, 1] * max(pz, 0.0)
+            most_y = soles.half_sizes[foot, 0] * max(pz, 0.0)
+            about_x = min(max(part * (cos * mx + sin * my), -most_x), most_x)
+            about_y = min(max(part * (cos * my - sin * mx), -most_y), most_y)
+            turn_x, turn_y = cos * about_x - sin * about_y, sin * about_x + cos * about_y
+            for k in range(soles.joints.shape[1]):
+                joint = soles.joints[foot, k]
+                lx = feet[t, foot, 0] - anchors[t, joint, 0]
+                ly = feet[t, foot, 1] - anchors[t, joint, 1]
+                lz = feet[t, foot, 2] - anchors[t, joint, 2]
+                torque[t, soles.columns[foot, k]] -= (
+                    axes[t, joint, 0] * (turn_x + ly * pz - lz * py)
+                    + axes[t, joint, 1] * (turn_y + lz * px - lx * pz)
+                    + axes[t, joint, 2] * (part * mz + lx * py - ly * px)
+                )
+    return torque, zmp

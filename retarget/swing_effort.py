@@ -8,14 +8,16 @@ servos are taken at their nominal voltage, as in `configs/envelope.py`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import ANY, FLOATS, compiled, fields
 from flexmotion.configs.robot import Robot
-from flexmotion.human.vectors import cross
 from flexmotion.retarget.legs import Leg
 from flexmotion.retarget.zmp_roll import roll_share, steady_hips
 from flexmotion.spatial.gravity import GRAVITY
@@ -69,6 +71,33 @@ class Limits:
         )
 
 
+class _Links(NamedTuple):
+    """Links of a leg in its zero pose, by joint.
+
+    Attributes:
+        axes, anchors, centre: see `LegChain`, (6, 3); mass: (6,) [kg].
+        cross, cross_squared: matrices K with K v = axis x v, and K K, (6, 3, 3).
+    """
+
+    axes: Float
+    anchors: Float
+    centre: Float
+    mass: Float
+    cross: Float
+    cross_squared: Float
+
+
+class _Given(NamedTuple):
+    """`Limits`, as the compiled loop takes them, (6,) each."""
+
+    usable: Float
+    stall: Float
+    back_emf: Float
+    speed: Float
+    armature: Float
+    friction: Float
+
+
 class LegChain:
     """Links of a leg as masses at their centres, moved by its six joints."""
 
@@ -94,30 +123,15 @@ class LegChain:
                 self.mass[link] += model.body_mass[body]
                 self.centre[link] += model.body_mass[body] * (to_torso @ (data.xipos[body] - data.xpos[torso]))
         self.centre = self.centre / np.maximum(self.mass, 1e-9)[:, None] - anchors
-        self._above = np.stack([self.anchors, self.axes], axis=-1)
-        self._cross = np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2)
-        """Matrices K with K v = axis x v, (6, 3, 3)."""
-        self._cross_squared = self._cross @ self._cross
-
-    def place(self, q: Float, torso: Float, rotation: Float) -> tuple[Float, Float, Float]:
-        """Anchors and axes of the joints and centres of the links in the world, (R, 6, 3) each.
-
-        Args:
-            q: joint angles, (R, 6) [rad]; torso: (R, 3) [m]; rotation: of the torso, (R, 3, 3).
-        """
-        # Rotations about the joints' axes, (R, 6, 3, 3) (Rodrigues).
-        sin, versine = np.sin(q)[..., None, None], (1.0 - np.cos(q))[..., None, None]
-        turns = np.eye(3) + sin * self._cross + versine * self._cross_squared
-        # Of the torso and of what each joint turns, (7, R, 3, 3).
-        turned = np.empty((1 + len(self.mass), *rotation.shape))
-        turned[0] = rotation
-        for k in range(len(self.mass)):
-            np.matmul(turned[k], turns[:, k], out=turned[k + 1])
-        # Each joint's anchor from the one above and its axis at once, of all joints, (2, 6, R, 3).
-        steps, axes = (turned[:-1] @ self._above[:, None]).transpose(3, 0, 1, 2)
-        anchors = np.cumsum(np.concatenate([torso[None], steps]), axis=0)[1:]
-        centres = anchors + (turned[1:] @ self.centre[:, None, :, None])[..., 0]
-        return anchors.swapaxes(0, 1), axes.swapaxes(0, 1), centres.swapaxes(0, 1)
+        turn = np.ascontiguousarray(np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2))
+        self.links = _Links(
+            np.ascontiguousarray(self.axes),
+            np.ascontiguousarray(self.anchors),
+            np.ascontiguousarray(self.centre),
+            self.mass,
+            turn,
+            turn @ turn,
+        )
 
 
 class SwingEffort:
@@ -132,6 +146,7 @@ class SwingEffort:
     def __init__(self, robot: Robot, legs: tuple[Leg, Leg], omega: float) -> None:
         self.gait, self.leg, self.omega = robot.gait, legs[0], omega
         self.limits, self.chain = Limits.of(robot, legs), LegChain(robot, legs[0])
+        self._limits = _Given(**vars(self.limits))
         self.phase = np.linspace(0.0, 1.0, ROWS)
         self._sole_half_length = float(robot.sole_half_size[:, 0].min())
         self._height = self.gait.walk_hip_height - float(self.leg.sole[2]) - float(self.leg.hip[2])
@@ -180,29 +195,7 @@ class SwingEffort:
 
     def _shares(self, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
         """What joint paths of swings ask; returns as `asked`, arguments as `_joints` returns them."""
-        rows = q.shape[:2]
-        anchors, axes, centres = (
-            part.reshape(*rows, 6, 3)
-            for part in self.chain.place(q.reshape(-1, 6), torso.reshape(-1, 3), rotation.reshape(-1, 3, 3))
-        )
-        dt = (seconds / (ROWS - 1))[:, None, None]
-        speed = (q[:, 2:] - q[:, :-2]) / (2.0 * dt)
-        acceleration = (q[:, 2:] - 2.0 * q[:, 1:-1] + q[:, :-2]) / dt**2
-        force = (centres[:, 2:] - 2.0 * centres[:, 1:-1] + centres[:, :-2]) / dt[..., None] ** 2
-        force[..., 2] += GRAVITY
-        force *= self.chain.mass[:, None]
-        anchors, axes, centres = anchors[:, 1:-1], axes[:, 1:-1], centres[:, 1:-1]
-        # Moments about the world's origin add up along the chain, as do forces.
-        moment = np.cumsum(cross(centres, force)[:, :, ::-1], axis=2)[:, :, ::-1]
-        total = np.cumsum(force[:, :, ::-1], axis=2)[:, :, ::-1]
-        limits = self.limits
-        torque = np.sum(axes * (moment - cross(anchors, total)), axis=-1)
-        torque += limits.armature * acceleration + limits.friction * np.tanh(speed / 0.1)
-        driven = torque + limits.back_emf * speed
-        # A servo that brakes gives its stall torque, one that drives its usable torque (`configs/envelope.py`).
-        braking = np.clip(-torque * speed / (_BRAKING * limits.usable), 0.0, 1.0)
-        given = MARGIN * (limits.usable + braking * (limits.stall - limits.usable))
-        return np.stack([torque / given, driven / limits.stall, speed / limits.speed], axis=2)
+        return _asked(self.chain.links, self._limits, q, torso, rotation, seconds)
 
     def _joints(self, progress: Float, lift: Float, travel: Float, seconds: Float) -> tuple[Float, Float, Float]:
         """Joint angles (B, ROWS, 6) [rad], and positions and rotations of the torso.
@@ -235,3 +228,71 @@ class SwingEffort:
         q[missing > 1e-6] = np.nan
         shape = yaw.shape
         return q.reshape(*shape, 6), position, rotation.reshape(*shape, 3, 3)
+
+
+@compiled(
+    fields(_Links, *[FLOATS[2]] * 3, FLOATS[1], *[FLOATS[3]] * 2),
+    fields(_Given, *[FLOATS[1]] * 6),
+    FLOATS[3],
+    ANY[3],
+    ANY[4],
+    ANY[1],
+)
+def _asked(links: _Links, limits: _Given, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
+    """`SwingEffort._shares`."""
+    number, rows, _ = q.shape
+    anchors, axes, centres = np.empty((rows, 6, 3)), np.empty((rows, 6, 3)), np.empty((rows, 6, 3))
+    turned, own, above = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    force, moment = np.empty(3), np.empty(3)
+    out = np.empty((number, rows - 2, 3, 6))
+    for swing in range(number):
+        dt = seconds[swing] / (rows - 1)
+        for row in range(rows):
+            turned[:], above[:] = rotation[swing, row], torso[swing, row]
+            for k in range(6):
+                for i in range(3):
+                    anchors[row, k, i], axes[row, k, i] = above[i], 0.0
+                    for j in range(3):
+                        anchors[row, k, i] += turned[i, j] * links.anchors[k, j]
+                        axes[row, k, i] += turned[i, j] * links.axes[k, j]
+                above[:] = anchors[row, k]
+                # Rodrigues' formula without the identity.
+                sin, versine = math.sin(q[swing, row, k]), 1.0 - math.cos(q[swing, row, k])
+                for i in range(3):
+                    for j in range(3):
+                        own[i, j] = sin * links.cross[k, i, j] + versine * links.cross_squared[k, i, j]
+                for i in range(3):
+                    a, b, c = turned[i, 0], turned[i, 1], turned[i, 2]
+                    for j in range(3):
+                        turned[i, j] += a * own[0, j] + b * own[1, j] + c * own[2, j]
+                for i in range(3):
+                    centres[row, k, i] = above[i]
+                    for j in range(3):
+                        centres[row, k, i] += turned[i, j] * links.centre[k, j]
+        for row in range(1, rows - 1):
+            # Moments about the world's origin add up along the chain, as do forces.
+            total_x, total_y, total_z = 0.0, 0.0, 0.0
+            moment[:] = 0.0
+            for k in range(5, -1, -1):
+                for i in range(3):
+                    bend = centres[row + 1, k, i] - 2.0 * centres[row, k, i] + centres[row - 1, k, i]
+                    force[i] = links.mass[k] * (bend / dt**2 + (GRAVITY if i == 2 else 0.0))
+                total_x, total_y, total_z = total_x + force[0], total_y + force[1], total_z + force[2]
+                x, y, z = centres[row, k]
+                moment[0] += y * force[2] - z * force[1]
+                moment[1] += z * force[0] - x * force[2]
+                moment[2] += x * force[1] - y * force[0]
+                x, y, z = anchors[row, k]
+                torque = axes[row, k, 0] * (moment[0] - (y * total_z - z * total_y))
+                torque += axes[row, k, 1] * (moment[1] - (z * total_x - x * total_z))
+                torque += axes[row, k, 2] * (moment[2] - (x * total_y - y * total_x))
+                before, now, after = q[swing, row - 1, k], q[swing, row, k], q[swing, row + 1, k]
+                speed, acceleration = (after - before) / (2.0 * dt), (after - 2.0 * now + before) / dt**2
+                torque += limits.armature[k] * acceleration + limits.friction[k] * math.tanh(speed / 0.1)
+                # A servo that brakes gives its stall torque, one that drives its usable torque (`configs/envelope.py`).
+                usable, stall = limits.usable[k], limits.stall[k]
+                braking = min(max(-torque * speed / (_BRAKING * usable), 0.0), 1.0)
+                out[swing, row - 1, 0, k] = torque / (MARGIN * (usable + braking * (stall - usable)))
+                out[swing, row - 1, 1, k] = (torque + limits.back_emf[k] * speed) / stall
+                out[swing, row - 1, 2, k] = speed / limits.speed[k]
+    return out

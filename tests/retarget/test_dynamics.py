@@ -149,7 +149,7 @@ def test_torques_are_those_of_mujoco_with_armature_springs_dampers_and_tendons(
     q, qd, qdd = random.normal(size=(3, 4, robot.n)) * np.array([0.3, 1.0, 5.0])[:, None, None]
     twist, change = random.normal(size=(2, 4, 6))
     torque, _ = own.inverse(base, twist, change, q, qd, qdd, np.zeros((4, 2, 4)), np.full(4, 0.5))
-    upper = ~np.isin(np.arange(robot.n), own.leg_columns)
+    upper = ~np.isin(np.arange(robot.n), [leg.indices for leg in retargeter.body.legs])
     data, joints = mujoco.MjData(own.model), robot.dof_address[upper]
     for row in range(4):
         data.qpos[:7], data.qpos[robot.qpos_address] = base[row], q[row]
