@@ -1,17 +1,20 @@
 """`ArmDistance`: how near the forearms come to the rest of the robot, and which way is out, at any joint angles.
 
 Forearms are capsules of which a few points are taken, the rest of the body rounded boxes: capsules and spheres as they
-are, other shapes by the box around them. In numpy over all rows at once, after one call of MuJoCo's kinematics a row.
+are, other shapes by the box around them. One compiled call for all rows, after one of MuJoCo's kinematics a row.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import FLOAT, FLOATS, INTS, compiled, fields, part
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arm_chain import ArmChain
 
@@ -62,98 +65,52 @@ class ArmDistance:
         self._robot, self._model, self._data = robot, model, mujoco.MjData(model)
         self.joints = chain.joints
         names = np.array(robot.joint_names)
-        self._ids = np.array([[model.joint(name).id for name in side] for side in names[self.joints]])
-        moved = model.jnt_bodyid[self._ids]
+        ids = np.array([[model.joint(name).id for name in side] for side in names[self.joints]])
+        moved = model.jnt_bodyid[ids]
         solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         solid = np.flatnonzero(solid & (model.geom_bodyid > 0))
         # Which joints of which arm move a shape, (G, 2, m).
         paths = [np.isin(moved, _path(model, int(model.geom_bodyid[geom]))) for geom in solid]
         turned = np.array(paths, dtype=bool).reshape(-1, *moved.shape)
-        fore = turned[:, :, chain.fore_joint].any(axis=1)
-        self._fore, body = solid[fore], solid[~turned.any(axis=(1, 2))]
-        self._side = turned[fore, :, 0].argmax(axis=1)
-        self._turns = turned[fore, self._side].astype(float)[:, :, None]
+        of_arm = turned[:, :, chain.fore_joint].any(axis=1)
+        fore, body = solid[of_arm], solid[~turned.any(axis=(1, 2))]
+        side = turned[of_arm, :, 0].argmax(axis=1)
         # Forearms as capsules along the longest edge of their box, the rest as rounded boxes.
-        half = model.geom_aabb[self._fore, 3:]
-        self._along = half.argmax(axis=1)
-        self._thickness = np.sort(half, axis=1)[:, 1]
-        self._reach = half.max(axis=1) - self._thickness
+        half = model.geom_aabb[fore, 3:]
+        along, thickness = half.argmax(axis=1), np.sort(half, axis=1)[:, 1]
+        reach = half.max(axis=1) - thickness
         round_ = np.isin(model.geom_type[body], (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE))
         rounding = np.where(round_, model.geom_size[body, 0], 0.0)
         # What forearms keep clear of: the rest of the body, and each other, for which each goes half of the way.
-        self._others = np.concatenate([body, self._fore])
-        self._rounding = np.concatenate([rounding, self._thickness])
-        core = self._reach[:, None] * (np.arange(3) == self._along[:, None])
-        self._core = np.concatenate([model.geom_aabb[body, 3:] - rounding[:, None], core])
-        self._part = np.repeat([1.0, 0.5], [len(body), len(self._fore)])
+        others, rounding = np.concatenate([body, fore]), np.concatenate([rounding, thickness])
+        core = np.concatenate([model.geom_aabb[body, 3:], reach[:, None] * (np.arange(3) == along[:, None])])
+        core[: len(body)] -= rounding[: len(body), None]
         legs = np.concatenate([_path(model, int(foot)) for foot in robot.foot_ids])
-        self._legs = np.isin(model.geom_bodyid[self._others], legs[legs != robot.torso_id])
-        meet = np.array([[_meet(model, int(a), int(b)) for b in self._others] for a in self._fore], dtype=bool)
-        self._meet = meet.reshape(len(self._fore), len(self._others))
-        self._meet[:, len(body) :] &= self._side[:, None] != self._side
+        meet = np.array([[_meet(model, int(a), int(b)) for b in others] for a in fore], dtype=bool)
+        meet = meet.reshape(len(fore), len(others))
+        meet[:, len(body) :] &= side[:, None] != side
         self.kept = _LEAST * float(chain.lengths.sum(axis=1).mean())
-        far = np.linalg.norm(self._core, axis=1) + self._rounding
-        within = (self._reach + self._thickness)[:, None] + far + self.kept
-        self._within = np.where(self._meet, within, 0.0) ** 2
+        within = (reach + thickness)[:, None] + np.linalg.norm(core, axis=1) + rounding + self.kept
+        self._shapes = _Shapes(
+            fore=fore.astype(np.int64),
+            others=others.astype(np.int64),
+            centre=np.ascontiguousarray(model.geom_aabb[:, :3]),
+            side=side.astype(np.int64),
+            along=along.astype(np.int64),
+            reach=reach,
+            thickness=thickness,
+            turns=turned[of_arm, side].astype(float),
+            core=core,
+            rounding=rounding,
+            part=np.repeat([1.0, 0.5], [len(body), len(fore)]),
+            kind=np.where(np.isin(model.geom_bodyid[others], legs[legs != robot.torso_id]), LEG, REST).astype(np.int64),
+            within=np.where(meet, within, 0.0) ** 2,
+            joints=ids.astype(np.int64),
+            kept=self.kept,
+        )
 
     def nearest(self, q: Float) -> Approach:
         """The nearest approach of each arm at joint angles (R, n) [rad]."""
-        rows, count = len(q), self.joints.shape[1]
-        centres, turned, axes, anchors = self._poses(q)
-        split = len(self._fore)
-        away = centres[:, :split, None] - centres[:, None, split:]
-        pairs = np.nonzero(np.einsum("rfox,rfox->rfo", away, away) < self._within)
-        row, fore, other = pairs
-        missing, aside = np.zeros((2, rows, 2)), np.zeros((rows, 2))
-        way, lever = np.zeros((2, rows, 2, 3)), np.zeros((2, rows, 2, count, 3))
-        if not len(row):
-            return Approach(missing, way, aside, lever)
-        along = turned[row, fore, :, self._along[fore]] * self._reach[fore, None]
-        steps = np.linspace(-1.0, 1.0, _POINTS)
-        points = away[pairs][:, None] + steps[:, None] * along[:, None]
-        frame = turned[row, split + other]
-        local = points @ frame
-        core = self._core[other][:, None]
-        beyond = np.abs(local) - core
-        outside = np.maximum(beyond, 0.0)
-        length = np.sqrt(np.einsum("npx,npx->np", outside, outside))
-        signed = np.where(length > 0.0, length, beyond.max(axis=-1))
-        kept = self.kept + self._thickness[fore] + self._rounding[other]
-        lacks = kept[:, None] - signed
-        deepest = lacks.argmax(axis=1)
-        found = np.flatnonzero(lacks.max(axis=1) > 0.0)
-        if not len(found):
-            return Approach(missing, way, aside, lever)
-        # Of each kind, row and arm the deepest: ascending, so that it is written last.
-        found = found[np.argsort(lacks[found, deepest[found]])]
-        at, row, fore, other = deepest[found], row[found], fore[found], other[found]
-        side, kind = self._side[fore], self._legs[other].astype(int)
-        local, beyond, outside = local[found, at], beyond[found, at], outside[found, at]
-        inside = length[found, at] == 0.0
-        out = np.where(inside[:, None], (beyond == beyond.max(axis=1, keepdims=True)).astype(float), outside)
-        out *= np.sign(local) / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-        out = np.einsum("nij,nj->ni", frame[found], out)
-        missing[kind, row, side], way[kind, row, side] = self._part[other] * lacks[found, at], out
-        # Outward until beside the leg: the rest of the distance is kept ahead, behind, above or below.
-        gap = signed[found, at, None] * out
-        across = gap[:, 1] * (1.0 - 2.0 * side)
-        rest = np.sum(gap * gap, axis=1) - across**2
-        moves = np.sqrt(np.maximum(kept[found] ** 2 - rest, 0.0)) - across
-        leg = kind == LEG
-        aside[row[leg], side[leg]] = moves[leg]
-        point = centres[row, fore] + steps[at, None] * (
-            turned[row, fore, :, self._along[fore]] * self._reach[fore, None]
-        )
-        lever[kind, row, side] = np.cross(axes[row, side], point[:, None] - anchors[row, side]) * self._turns[fore]
-        return Approach(missing, way, aside, lever)
-
-    def _poses(self, q: Float) -> tuple[Float, Float, Float, Float]:
-        """Boxes around the shapes and joints of the arms, seen from the torso.
-
-        Returns:
-            Centres (R, G, 3) [m] and rotations (R, G, 3, 3) of forearms and others, axes and anchors of the arm joints,
-            (R, 2, m, 3) each.
-        """
         model, data, rows = self._model, self._data, len(q)
         lines = np.zeros((rows, model.nq))
         lines[:, 3], lines[:, self._robot.qpos_address] = 1.0, q
@@ -166,10 +123,137 @@ class ArmDistance:
             qpos[:] = line
             kinematics(model, data)
             xpos[k], xmat[k], xaxis[k], xanchor[k] = positions, rotations, axes, anchors
-        geoms = np.concatenate([self._fore, self._others])
-        turned = xmat[:, geoms].reshape(rows, len(geoms), 3, 3)
-        centres = xpos[:, geoms] + np.einsum("rgij,gj->rgi", turned, model.geom_aabb[geoms, :3])
-        return centres, turned, xaxis[:, self._ids], xanchor[:, self._ids]
+        return Approach(*_nearest(self._shapes, xpos, xmat, xaxis, xanchor))
+
+
+class _Shapes(NamedTuple):
+    """Forearms, and what they keep clear of: the rest of the body and each other.
+
+    Attributes:
+        fore, others: shapes of the model, (F,) and (O,).
+        centre: of the box around each shape of the model, in its frame, (G, 3) [m].
+        side: of the arm of each forearm, (F,).
+        along: edge of its box along which it is a capsule, (F,).
+        reach: half of the capsule's length without its ends, (F,) [m]; thickness: its radius, (F,) [m].
+        turns: 1 where a joint of its arm moves it, (F, m).
+        core, rounding: half sizes and radius of the rounded boxes, (O, 3) [m], (O,) [m].
+        part: of what is missing, which a forearm must go, (O,).
+        kind: `REST` or `LEG`, (O,).
+        within: squared distance of their centres within which a pair is looked at, (F, O) [m²]; 0: never.
+        joints: of both arms, in the model, (2, m).
+        kept: distance that forearms keep [m].
+    """
+
+    fore: Int
+    others: Int
+    centre: Float
+    side: Int
+    along: Int
+    reach: Float
+    thickness: Float
+    turns: Float
+    core: Float
+    rounding: Float
+    part: Float
+    kind: Int
+    within: Float
+    joints: Int
+    kept: float
+
+
+@part
+def _centre(shapes: _Shapes, geom: int, xpos: Float, xmat: Float, out: Float) -> None:
+    """Write the centre of the box around a shape (3,) [m]."""
+    for i in range(3):
+        out[i] = xpos[geom, i]
+        for j in range(3):
+            out[i] += xmat[geom, 3 * i + j] * shapes.centre[geom, j]
+
+
+@compiled(
+    fields(
+        _Shapes,
+        *[INTS[1]] * 2,
+        FLOATS[2],
+        *[INTS[1]] * 2,
+        *[FLOATS[1]] * 2,
+        *[FLOATS[2]] * 2,
+        *[FLOATS[1]] * 2,
+        INTS[1],
+        FLOATS[2],
+        INTS[2],
+        FLOAT,
+    ),
+    *[FLOATS[3]] * 4,
+)
+def _nearest(
+    shapes: _Shapes, xpos: Float, xmat: Float, xaxis: Float, xanchor: Float
+) -> tuple[Float, Float, Float, Float]:
+    """Fields of `Approach`, at shapes (R, G, 3) and (R, G, 9) and joints (R, J, 3) as MuJoCo has them."""
+    rows, count = len(xpos), shapes.joints.shape[1]
+    missing, aside = np.zeros((2, rows, 2)), np.zeros((rows, 2))
+    way, lever = np.zeros((2, rows, 2, 3)), np.zeros((2, rows, 2, count, 3))
+    fore, other, point, beyond = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    local, out = np.empty(3), np.empty(3)
+    deepest = np.zeros((2, rows, 2))
+    for row in range(rows):
+        for f in range(len(shapes.fore)):
+            _centre(shapes, shapes.fore[f], xpos[row], xmat[row], fore)
+            side, own = shapes.side[f], xmat[row, shapes.fore[f]]
+            for o in range(len(shapes.others)):
+                if shapes.within[f, o] <= 0.0:
+                    continue
+                _centre(shapes, shapes.others[o], xpos[row], xmat[row], other)
+                apart = (fore[0] - other[0]) ** 2 + (fore[1] - other[1]) ** 2 + (fore[2] - other[2]) ** 2
+                if apart >= shapes.within[f, o]:
+                    continue
+                frame, kind = xmat[row, shapes.others[o]], shapes.kind[o]
+                kept = shapes.kept + shapes.thickness[f] + shapes.rounding[o]
+                for step in range(_POINTS):
+                    share = (2.0 * step / (_POINTS - 1) - 1.0) * shapes.reach[f]
+                    for i in range(3):
+                        point[i] = fore[i] + share * own[3 * i + shapes.along[f]]
+                    outside, farthest = 0.0, -np.inf
+                    for i in range(3):
+                        local[i] = 0.0
+                        for j in range(3):
+                            local[i] += frame[3 * j + i] * (point[j] - other[j])
+                        beyond[i] = abs(local[i]) - shapes.core[o, i]
+                        outside += max(beyond[i], 0.0) ** 2
+                        farthest = max(farthest, beyond[i])
+                    outside = math.sqrt(outside)
+                    signed = outside if outside > 0.0 else farthest
+                    lacks = kept - signed
+                    if lacks <= deepest[kind, row, side]:
+                        continue
+                    deepest[kind, row, side] = lacks
+                    missing[kind, row, side] = shapes.part[o] * lacks
+                    length = 0.0
+                    for i in range(3):
+                        out[i] = max(beyond[i], 0.0) if outside > 0.0 else (1.0 if beyond[i] == farthest else 0.0)
+                        length += out[i] ** 2
+                    length = max(math.sqrt(length), 1e-9)
+                    for i in range(3):
+                        out[i] *= np.sign(local[i]) / length
+                    for i in range(3):
+                        way[kind, row, side, i] = (
+                            frame[3 * i] * out[0] + frame[3 * i + 1] * out[1] + frame[3 * i + 2] * out[2]
+                        )
+                    if kind == LEG:
+                        # Outward until beside the leg: the rest of the distance is kept ahead, behind, above or below.
+                        across = signed * way[kind, row, side, 1] * (1.0 - 2.0 * side)
+                        rest = -(across**2)
+                        for i in range(3):
+                            rest += (signed * way[kind, row, side, i]) ** 2
+                        aside[row, side] = math.sqrt(max(kept**2 - rest, 0.0)) - across
+                    for k in range(count):
+                        axis, anchor = xaxis[row, shapes.joints[side, k]], xanchor[row, shapes.joints[side, k]]
+                        x, y, z = point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]
+                        moved = shapes.turns[f, k]
+                        lever[kind, row, side, k, 0] = moved * (axis[1] * z - axis[2] * y)
+                        lever[kind, row, side, k, 1] = moved * (axis[2] * x - axis[0] * z)
+                        lever[kind, row, side, k, 2] = moved * (axis[0] * y - axis[1] * x)
+    return missing, way, aside, lever
 
 
 def _meet(model: mujoco.MjModel, one: int, other: int) -> bool:
