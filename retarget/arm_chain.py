@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import packed
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget import arm_loops
@@ -106,11 +107,12 @@ class ArmChain:
         end = self._tips
         for joint in (self._shoulder,) if self._elbow is None else (self._elbow, self._shoulder):
             self._anchors[:, joint] = end = self._nearest(joint, end)
-        self.arms = arm_loops.Arms(
-            axes=np.ascontiguousarray(self._axes),
-            anchors=np.ascontiguousarray(self._anchors),
-            tips=np.ascontiguousarray(self._tips),
-            zero=np.ascontiguousarray(model.qpos0[robot.qpos_address[self.joints]]),
+        self.arms = packed(
+            arm_loops.Arms,
+            axes=self._axes,
+            anchors=self._anchors,
+            tips=self._tips,
+            zero=model.qpos0[robot.qpos_address[self.joints]],
             shoulder=self._shoulder,
             elbow=-1 if self._elbow is None else self._elbow,
         )

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import packed
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget import arm_loops
 from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
@@ -58,7 +59,8 @@ class BodyClearance:
                 centre = torso.T @ (data.geom_xpos[geom] - origin) + turned @ model.geom_aabb[geom, :3]
                 boxes.append((turned, centre, model.geom_aabb[geom, 3:], float(leans)))
         rotations, centres, halves, leaning = zip(*boxes, strict=True) if boxes else [()] * 4
-        self.body = arm_loops.Body(
+        self.body = packed(
+            arm_loops.Body,
             rotation=np.array(rotations, dtype=float).reshape(-1, 3, 3),
             centre=np.array(centres, dtype=float).reshape(-1, 3),
             half=np.array(halves, dtype=float).reshape(-1, 3),
@@ -67,7 +69,7 @@ class BodyClearance:
             distance=thickness + _MARGIN * float(arm.mean()),
             scale=_WEIGHT / arm,
             shares=np.array(_SHARES),
-            lengths=np.ascontiguousarray(chain.lengths),
+            lengths=chain.lengths,
         )
 
     def residual(self, poses: ArmPoses, lean: Float) -> tuple[Float, Float]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import packed
 from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.retarget import arm_loops
 from flexmotion.retarget.arm_chain import ArmChain, ArmPoses
@@ -92,11 +93,12 @@ class ArmCost:
     def __init__(self, chain: ArmChain, clearance: BodyClearance, rest: Float) -> None:
         self.chain, self.clearance, self.rest = chain, clearance, rest
         self._shares = chain.lengths / chain.lengths.sum(axis=1, keepdims=True)
-        weights = arm_loops.Weights(
-            shares=np.ascontiguousarray(self._shares),
-            rest=np.ascontiguousarray(rest),
-            lower=np.ascontiguousarray(chain.lower),
-            upper=np.ascontiguousarray(chain.upper),
+        weights = packed(
+            arm_loops.Weights,
+            shares=self._shares,
+            rest=rest,
+            lower=chain.lower,
+            upper=chain.upper,
             rest_weight=_REST_WEIGHT,
             damping=_DAMPING,
             held=_HELD,
@@ -145,8 +147,7 @@ class ArmCost:
 
 def _wanted(targets: ArmTargets) -> arm_loops.Wanted:
     """The targets as the compiled loops take them."""
-    arrays = targets.upper, targets.fore, targets.hand_weight, targets.lean
-    return arm_loops.Wanted(*(np.require(array, requirements=("C", "W")) for array in arrays))
+    return packed(arm_loops.Wanted, **vars(targets))
 
 
 def _unit(vectors: Float) -> Float:

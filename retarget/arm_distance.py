@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.compiled import FLOAT, FLOATS, INTS, compiled, fields, part
+from flexmotion.compiled import FLOAT, FLOATS, INTS, compiled, fields, packed, part
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arm_chain import ArmChain
 
@@ -91,21 +91,22 @@ class ArmDistance:
         meet[:, len(body) :] &= side[:, None] != side
         self.kept = _LEAST * float(chain.lengths.sum(axis=1).mean())
         within = (reach + thickness)[:, None] + np.linalg.norm(core, axis=1) + rounding + self.kept
-        self._shapes = _Shapes(
-            fore=fore.astype(np.int64),
-            others=others.astype(np.int64),
-            centre=np.ascontiguousarray(model.geom_aabb[:, :3]),
-            side=side.astype(np.int64),
-            along=along.astype(np.int64),
+        self._shapes = packed(
+            _Shapes,
+            fore=fore,
+            others=others,
+            centre=model.geom_aabb[:, :3],
+            side=side,
+            along=along,
             reach=reach,
             thickness=thickness,
             turns=turned[of_arm, side].astype(float),
             core=core,
             rounding=rounding,
             part=np.repeat([1.0, 0.5], [len(body), len(fore)]),
-            kind=np.where(np.isin(model.geom_bodyid[others], legs[legs != robot.torso_id]), LEG, REST).astype(np.int64),
+            kind=np.where(np.isin(model.geom_bodyid[others], legs[legs != robot.torso_id]), LEG, REST),
             within=np.where(meet, within, 0.0) ** 2,
-            joints=ids.astype(np.int64),
+            joints=ids,
             kept=self.kept,
         )
 

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.compiled import ANY, FLOATS, INTS, compiled, fields
+from flexmotion.compiled import ANY, FLOATS, INTS, compiled, fields, packed
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.legs import Leg
 
@@ -33,11 +33,12 @@ class RobotDynamics:
         self.model.opt.disableflags |= int(disable.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.torso = robot.torso_id
-        self._soles = _Soles(
+        self._soles = packed(
+            _Soles,
             joints=np.array([[self.model.joint(robot.joint_names[i]).id for i in leg.indices] for leg in legs]),
             columns=np.stack([leg.indices for leg in legs]),
-            dofs=np.array(robot.dof_address),
-            half_sizes=np.array(robot.sole_half_size),
+            dofs=robot.dof_address,
+            half_sizes=robot.sole_half_size,
         )
         self.mass = float(self.model.body_subtreemass[self.torso])
 

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.compiled import ANY, FLOATS, compiled, fields
+from flexmotion.compiled import ANY, FLOATS, compiled, fields, packed
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.leg_check import check_height, check_order, check_poses
@@ -161,7 +161,9 @@ class Legs:
 
     def __init__(self, legs: Sequence[Leg]) -> None:
         self.indices = np.stack([leg.indices for leg in legs])
-        self._geometry = _Geometry(*(np.array([getattr(leg, name) for leg in legs]) for name in _Geometry._fields))
+        self._geometry = packed(
+            _Geometry, **{name: np.array([getattr(leg, name) for leg in legs]) for name in _Geometry._fields}
+        )
 
     def solve(
         self, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float

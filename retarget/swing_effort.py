@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.compiled import ANY, FLOATS, compiled, fields
+from flexmotion.compiled import ANY, FLOATS, compiled, fields, packed
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.legs import Leg
 from flexmotion.retarget.zmp_roll import roll_share, steady_hips
@@ -123,14 +123,15 @@ class LegChain:
                 self.mass[link] += model.body_mass[body]
                 self.centre[link] += model.body_mass[body] * (to_torso @ (data.xipos[body] - data.xpos[torso]))
         self.centre = self.centre / np.maximum(self.mass, 1e-9)[:, None] - anchors
-        turn = np.ascontiguousarray(np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2))
-        self.links = _Links(
-            np.ascontiguousarray(self.axes),
-            np.ascontiguousarray(self.anchors),
-            np.ascontiguousarray(self.centre),
-            self.mass,
-            turn,
-            turn @ turn,
+        turn = np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2)
+        self.links = packed(
+            _Links,
+            axes=self.axes,
+            anchors=self.anchors,
+            centre=self.centre,
+            mass=self.mass,
+            cross=turn,
+            cross_squared=turn @ turn,
         )
 
 
@@ -146,7 +147,7 @@ class SwingEffort:
     def __init__(self, robot: Robot, legs: tuple[Leg, Leg], omega: float) -> None:
         self.gait, self.leg, self.omega = robot.gait, legs[0], omega
         self.limits, self.chain = Limits.of(robot, legs), LegChain(robot, legs[0])
-        self._limits = _Given(**vars(self.limits))
+        self._limits = packed(_Given, **vars(self.limits))
         self.phase = np.linspace(0.0, 1.0, ROWS)
         self._sole_half_length = float(robot.sole_half_size[:, 0].min())
         self._height = self.gait.walk_hip_height - float(self.leg.sole[2]) - float(self.leg.hip[2])
