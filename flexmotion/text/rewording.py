@@ -79,7 +79,7 @@ def _at_once(match: re.Match[str]) -> str:
     """Two participles, or a verb and a participle, of which one is a gesture's, as motions at the same time."""
     verbs = stem(match["one"].lower()), stem(match["other"].lower())
     gestures = {stem(phrase.split()[0]) for phrase in vocabulary().phrases("gesturing")}
-    known = gestures | feet_verbs()
+    known = gestures | feet_verbs() | vocabulary().words("single_motions")
     more = {stem(word) for word in match["rest"].lower().split()} & gestures  # "walk nodding and waving"
     if not set(verbs) <= known or verbs[0] == verbs[1] or more or not gestures & set(verbs):
         return match.group(0)
