@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -42,6 +43,9 @@ def load_robot(name_or_folder: str | Path) -> Robot:
 
     A folder contains `robot.yaml` or `FOLDERNAME.yaml` and the MJCF that it names. Raises `ConfigError`.
     """
+    given: Any = name_or_folder  # a program without a type checker may give anything
+    if not isinstance(given, str | Path):
+        raise ConfigError(f"robot: {given!r}, expected the name of a robot ({', '.join(list_robots())}) or its folder")
     shipped = ROBOTS / str(name_or_folder)
     if isinstance(name_or_folder, str) and name_or_folder in list_robots():
         return Robot(shipped / f"{name_or_folder}.yaml")

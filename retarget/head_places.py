@@ -128,8 +128,9 @@ class HeadPlaces:
         told = ", ".join(f"{value:.3f}" for value in head)
         told = f"[{told}] m, {100 * gap:.1f} cm from there"
         if gap > max(tolerance, THERE_M):
+            given = ", ".join("any" if value is None else f"{value:g}" for value in place)
             raise ConfigError(
-                f"head: out of reach while both feet stand; the nearest place is {told}, the tolerance "
+                f"head: [{given}] m is out of reach while both feet stand; the nearest place is {told}, the tolerance "
                 f"{100 * tolerance:g} cm"
             )
         channels = np.append(found, float(feet[:, 3].mean()))

@@ -56,17 +56,18 @@ def open_robot(name_or_folder: str | Path = "op3") -> Robot:
     return load_robot(name_or_folder)
 
 
-def open_driver(name: str, robot: Robot, **options: Any) -> Driver:
+def open_driver(name: str, robot: Robot | str | Path, **options: Any) -> Driver:
     """A driver for a robot, not yet connected.
 
     Args:
         name: "sim", or another of `flexmotion drivers`.
+        robot: from `open_robot`, or its name or folder.
         options: fields of the driver's `Options`, such as `seed=1` or `port="/dev/ttyUSB0"`.
 
     Raises:
-        ConfigError: the driver is unknown or does not import, or an option is wrong.
+        ConfigError: driver or robot is unknown, the driver does not import, or an option is wrong.
     """
-    return create(name, robot, **options)
+    return create(name, _opened(robot), **options)
 
 
 def open_bundle(folder: str | Path | None = None) -> Bundle:
@@ -127,7 +128,7 @@ def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
 
 
 def open_source(
-    robot: Robot,
+    robot: Robot | str | Path,
     followed: Followed,
     *,
     bundle: str | Path | None = None,
@@ -144,6 +145,7 @@ def open_source(
     goes no faster than the robot can follow; such a source also follows targets (`Session.send`).
 
     Args:
+        robot: from `open_robot`, or its name or folder.
         followed: what to do; a `Clip` names a file.
         bundle: of the model; None: the one that comes with the project.
         mapping: skeleton mapping of the files of clips; see `load_motion`.
@@ -154,9 +156,11 @@ def open_source(
         seconds: the source ends after this time; None: a clip with its last frame, a model with a `Stop` [s].
 
     Raises:
-        ConfigError: the items are no script, the model cannot follow an intent, or a bundle is given for clips.
+        ConfigError: there is no such robot, the items are no script, the model cannot follow an intent, or a bundle is
+            given for clips.
         MotionFormatError: a clip cannot be read.
     """
+    robot = _opened(robot)
     given: Any = followed  # a program without a type checker may give anything
     if isinstance(given, str) or not isinstance(given, Motion | Intent | Sequence):
         raise ConfigError(f"{followed!r}: expected a motion, an intent (Text, Velocity, Clip) or a script of items")

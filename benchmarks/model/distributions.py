@@ -2,11 +2,11 @@
 
 Of every kind with enough recorded clips in the normal manner, those clips are parted at random into two halves. The
 Wasserstein distance between the halves is what people differ by; then the model takes the place of one half: each of
-its clips is sampled anew from its first frames, for as long. Both are means over forty partings: with two, real clips
-in place of samples failed in 6 of 31 kinds of trunk pitch, by chance in 3 to 10. A clip of a pose begins and ends with
-hanging arms, but a pose that is asked for is held until something else is asked. Clips and samples of poses are
-compared from the first to the last frame in the pose, clips of repeated strokes from their first stroke to their last,
-of turns from the first to the last step that turns.
+its clips is sampled anew from its first frames, for as long. Both are means over those of forty partings that have
+enough values of a figure: with two, real clips in place of samples failed in 6 of 31 kinds of trunk pitch, by chance in
+3 to 10. A clip of a pose begins and ends with hanging arms, but a pose that is asked for is held until something else
+is asked. Clips and samples of poses are compared from the first to the last frame in the pose, clips of repeated
+strokes from their first stroke to their last, of turns from the first to the last step that turns.
 Left clips are mirrored to the right. Fails where a figure of a kind is further from the recorded half than `LIMIT`
 times the halves from each other, or where samples of a kind skate 1.2 times as much as its clips (of those that skate
 in 5 % of the frames or more) or jerk 1.5 times as much. With `--plots` film strips and the distributions of each kind
@@ -74,7 +74,8 @@ REACHED_S = 1.5
 PARTINGS = 40
 """Of the clips into halves; the same samples take part in all."""
 EVENTS = 12
-"""Fewest values of a figure in each half. With fewer it is not compared: a standing human makes hardly a step."""
+"""Fewest values of a figure in each half. A parting with fewer does not count, and a figure that none counts for is not
+compared: a standing human makes hardly a step."""
 
 
 @dataclass
@@ -85,7 +86,8 @@ class Compared:
         kind: its name.
         clips: how many recorded clips there are.
         real, made: distance of a recorded and of a sampled half from the other half, by figure.
-        values: of the recorded half, of the other one, and of the sampled one, by figure, of the last parting.
+        partings: how many count, by figure: those with `EVENTS` values in each half.
+        values: of the recorded half, of the other one, and of the sampled one, by figure, of the last of them.
         strips: a recorded clip, and the sample in its place.
         skates, jerks: share of frames in which a low foot slides, and mean jerk [m/s³], of clips and of samples.
     """
@@ -94,6 +96,7 @@ class Compared:
     clips: int
     real: dict[str, float]
     made: dict[str, float]
+    partings: dict[str, int]
     values: dict[str, tuple[Float, Float, Float]]
     strips: tuple[Motion, Motion]
     skates: tuple[float, float] = (0.0, 0.0)
@@ -230,19 +233,36 @@ def compare(sampler: Sampler, kind: str, clips: Sequence[Motion], draws: int, se
     }
     of_clips = [measured(own, kind) for own in recorded]
     of_samples = {at: measured(own, kind) for at, own in samples.items()}
-    means, values = parted(of_clips, of_samples, half, random)
+    found = parted(of_clips, of_samples, half, random)
     smooth = np.array([_smoothness(part) for part in ([recorded[at] for at in samples], list(samples.values()))])
     shown_clip = next(iter(samples))
     return Compared(
         kind,
         len(clips),
-        real={name: real for name, (real, _) in means.items()},
-        made={name: made for name, (_, made) in means.items()},
-        values={name: values[name] for name in means},
+        real={name: own.real for name, own in found.items()},
+        made={name: own.made for name, own in found.items()},
+        partings={name: own.partings for name, own in found.items()},
+        values={name: own.values for name, own in found.items()},
         strips=(recorded[shown_clip].motion, samples[shown_clip].motion),
         skates=_pair(smooth[:, 0]),
         jerks=_pair(smooth[:, 1]),
     )
+
+
+@dataclass(frozen=True)
+class Parted:
+    """A figure of one kind over the partings of its clips that count.
+
+    Attributes:
+        real, made: mean distance of a recorded and of a sampled half from the other half.
+        partings: how many count.
+        values: of the recorded half, of the other one, and of the sampled one, of the last of them.
+    """
+
+    real: float
+    made: float
+    partings: int
+    values: tuple[Float, Float, Float]
 
 
 def parted(
@@ -250,8 +270,8 @@ def parted(
     samples: Mapping[int, Mapping[str, Float]],
     half: int,
     random: np.random.Generator,
-) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[Float, Float, Float]]]:
-    """Distances of a recorded and of a sampled half from the other half, means over `PARTINGS`; and the last values.
+) -> dict[str, Parted]:
+    """Every figure that has a parting that counts, of `PARTINGS`.
 
     Args:
         clips: values of every figure.
@@ -268,12 +288,12 @@ def parted(
         parts = [clips[at] for at in first], [clips[at] for at in second], [samples[at] for at in first]
         for name in clips[0]:
             one, other, made = (np.concatenate([own[name] for own in part]) for part in parts)
-            values[name] = one, other, made
-            if min(map(len, values[name])) >= (1 if name == "time in pose" else EVENTS):
+            if min(map(len, (one, other, made))) >= (1 if name == "time in pose" else EVENTS):
                 real, own = (float(wasserstein_distance(each, other)) for each in (one, made))
                 far[name].append((real, own))
-    found = {name: np.mean(each, axis=0).tolist() for name, each in far.items() if len(each) == PARTINGS}
-    return {name: (real, made) for name, (real, made) in found.items()}, values
+                values[name] = one, other, made
+    means = {name: _pair(np.mean(each, axis=0)) for name, each in far.items()}
+    return {name: Parted(*mean, len(far[name]), values[name]) for name, mean in means.items()}
 
 
 def _smoothness(part: Sequence[Held]) -> tuple[float, float]:
@@ -294,10 +314,15 @@ def table(rows: Sequence[Compared]) -> Table:
     for row in rows:
         cells = []
         for name in FIGURES:
-            far = "" if name not in row.real else f"{row.made[name]:.1f} / {row.real[name]:.1f}"
+            far = "" if name not in row.real else f"{row.made[name]:.1f} / {row.real[name]:.1f}{_fewer(row, name)}"
             cells.append(f"[bold]{far}[/bold]" if far and row.ratio(name) > LIMIT else far)
         made.add_row(row.kind, str(row.clips), *cells)
     return made
+
+
+def _fewer(row: Compared, name: str) -> str:
+    """How many partings of a figure count, where they are not all, in words."""
+    return "" if row.partings[name] == PARTINGS else f" ({row.partings[name]} of {PARTINGS} partings)"
 
 
 def draw(row: Compared, plots: Path) -> Path:
@@ -350,11 +375,7 @@ def main(
         with styled():
             for row in rows:
                 typer.echo(draw(row, plots))
-    flat = [
-        {"kind": row.kind, "figure": name, "samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)}
-        for row in rows
-        for name in row.real
-    ]
+    flat = [{"kind": row.kind, "figure": name, **_figure(row, name)} for row in rows for name in row.real]
     if csv_out is not None:
         write_csv(csv_out, flat)
     return Outcome(verdicts(rows), {"by_kind": {row.kind: _told(row) for row in rows}, "few": few})
@@ -370,7 +391,9 @@ def verdicts(rows: Sequence[Compared]) -> list[Verdict]:
             told = (
                 f"{name}: {near} of {len(ratios)} kinds within {LIMIT} x, median {np.median(list(ratios.values())):.2f}"
             )
-            found.append(Verdict(f"{told}, worst {worst} {ratios[worst]:.1f}", near == len(ratios)))
+            fewer = [f"{row.kind}{_fewer(row, name)}" for row in rows if name in row.real and _fewer(row, name)]
+            rest = f"; too few values in the others: {', '.join(fewer)}" if fewer else ""
+            found.append(Verdict(f"{told}, worst {worst} {ratios[worst]:.1f}{rest}", near == len(ratios)))
     skates = {row.kind: row.skates for row in rows if row.skates[0] >= SKATES}
     jerks = {row.kind: row.jerks for row in rows if row.jerks[0] > 0.0}
     for name, pairs, limit in (("skate", skates, SKATE_LIMIT), ("jerk", jerks, JERK_LIMIT)):
@@ -382,7 +405,13 @@ def verdicts(rows: Sequence[Compared]) -> list[Verdict]:
     return found
 
 
+def _figure(row: Compared, name: str) -> dict[str, float]:
+    """A figure of a kind, for the result and for `--csv`."""
+    own = {"samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)}
+    return own | {"partings": row.partings[name]}
+
+
 def _told(row: Compared) -> dict[str, Any]:
     smooth = {"skate": row.skates, "jerk": row.jerks}
-    told = {name: {"samples": row.made[name], "clips": row.real[name], "ratio": row.ratio(name)} for name in row.real}
+    told = {name: _figure(row, name) for name in row.real}
     return told | {name: {"samples": samples, "clips": clips} for name, (clips, samples) in smooth.items()}

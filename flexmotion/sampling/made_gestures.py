@@ -18,7 +18,12 @@ def made_gesture(kind: str) -> tuple[Gesture, int] | None:
 def sinks(kind: str) -> bool:
     """Whether a kind was made by a recipe that moves the legs: squats, crouches."""
     made = made_gesture(kind)
-    return made is not None and any(pose.down is not None for pose in made[0].poses.values())
+    return made is not None and moves_legs(made[0])
+
+
+def moves_legs(gesture: Gesture) -> bool:
+    """Whether a recipe moves the legs."""
+    return any(pose.down is not None for pose in gesture.poses.values())
 
 
 @lru_cache

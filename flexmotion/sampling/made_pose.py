@@ -15,7 +15,7 @@ from flexmotion.gestures.plan import draw_plan
 from flexmotion.human.body import Body
 from flexmotion.sampling.at_rest import resting
 from flexmotion.sampling.kept_pose import BEFORE, KeptPose
-from flexmotion.sampling.made_gestures import made_gesture, sinks
+from flexmotion.sampling.made_gestures import made_gesture, moves_legs
 
 Float = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def made_pose(kind: str, body: Body, base: Float, rest: Float, seed: int) -> Kep
         seed: of what the recipe leaves open.
     """
     found = made_gesture(kind)
-    if found is None or sinks(kind):
+    if found is None or moves_legs(found[0]):
         return None
     gesture, side = found
     plan = draw_plan(gesture, body, side, np.random.default_rng(seed))

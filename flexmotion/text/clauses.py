@@ -24,7 +24,7 @@ from flexmotion.text.paces import Rate, Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
 from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
-from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbounded
+from flexmotion.text.refusals import condition_of, lowered_meanwhile, needs_head, refusal_of, unbounded
 from flexmotion.text.relative import asked_change, change_factor, repeated_motion
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped
@@ -58,7 +58,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, STAND_STILL, dropped=tuple(dropped), notes=(note,), joint=part.joint)
     plain_stop = taught().get(plain(tokens)) == STAND
     stops = words[:1] and words[0] in known.words("stop_verbs")
-    refusal, condition = part.refusal or _no_speed([*rates, *tokens]) or refusal_of(words), condition_of(words)
+    refusal = part.refusal or _no_speed([*rates, *tokens]) or refusal_of(words) or lowered_meanwhile(words, dropped)
+    condition = condition_of(words)
     untold = condition is not None and condition not in known.words("allowed_conditions")
     if stops and part.refusal is None and (refusal is not None or untold):
         # "stop wherever you are": whatever else is said, the robot can stop.

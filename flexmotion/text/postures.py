@@ -24,7 +24,7 @@ def without_posture(tokens: list[Token]) -> tuple[list[Token], str | None]:
     takes = stepped and (tokens[0] in ("take", "make", "do") or isinstance(tokens[0], Amount))
     waves = tokens[:1] == ["wave"]
     own = known.words("paths") | known.words("postured") | known.words("backing")
-    if not tokens or not (takes or waves or tokens[0] in own):
+    if not tokens or not (takes or waves or (isinstance(tokens[0], str) and stem(tokens[0]) in own)):
         return tokens, None
     legs = known.table["limb_groups"]["leg"] if tokens[0] == "step" or stepped else []
     for place in range(1, len(tokens)):

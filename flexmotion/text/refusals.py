@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from flexmotion.text.amounts import tokens_of
+from flexmotion.text.hand_places import hand_place
 from flexmotion.text.no_walks import is_gesture, no_walk
 from flexmotion.text.phrases import STAND
 from flexmotion.text.postures import without_posture
@@ -27,6 +28,7 @@ _WRONG_LIMB = re.compile(r" wrong (hand|arm|foot|leg|side|way) ")
 _ARMS = r"(?:your |the )?(?:both |both of your )?(?:arms|hands)"
 _ARMS_OUT = re.compile(rf"(?:hold|put|stick|reach|keep|get|have) (?:{_ARMS} out|out {_ARMS})")
 """Forward, or to the sides."""
+_ASIDE = ("sideways", "sideward", "to the side", "to one side")
 _FAR = re.compile(r"(?<!\w)as (?:far|long|much|often|many)$")
 """Ends an amount of the motion before: "twice as far"."""
 
@@ -53,6 +55,10 @@ def refusal_of(words: list[str]) -> str | None:
         return _not_done(words[0])
     if words and stem(words[0]) in known.words("harms") and known.words("harmed") & set(words[1:2]):
         return f"{words[0]!r}: the robot does nothing that hurts or breaks"
+    if other := hand_place(words):
+        return other
+    if _leans_aside(words, text):
+        return "the robot leans to no side; say 'bow', or 'walk to the left'"
     if part := _moved_trunk(words, text):
         return f"{part!r}: no motion of it alone; say 'turn left 30 degrees', and the whole robot turns"
     if wrong := _WRONG_LIMB.search(text):
@@ -82,12 +88,41 @@ def _not_done(what: str) -> str:
     return f"no model and no robot of this project does {what!r}; {tries}"
 
 
+def lowered_meanwhile(words: list[str], phrases: list[str]) -> str | None:
+    """Why a walk or a turn is not made "while kneeling"; None where it says no such thing of the robot.
+
+    Args:
+        phrases: what is said to be done meanwhile.
+    """
+    known = vocabulary()
+    feet = known.words("paths") | known.words("walk_verbs") | known.words("turn_verbs") | known.words("backing")
+    if words[:1] == [] or stem(words[0]) not in feet:
+        return None
+    for phrase in phrases:
+        said = phrase.split()
+        lowered = any(stem(word) in known.words("lowered") for word in said)
+        if said[0] in ("while", "whilst", "as") and lowered and not known.words("other_people") & set(said):
+            return f"{phrase!r}: the robot walks and turns upright; say one of them, or both with 'then'"
+    return None
+
+
 def _moved_trunk(words: list[str], text: str) -> str | None:
     """The part of the trunk that a request turns or moves; None where it does not."""
     known = vocabulary()
     if words[:1] and words[0] in known.words("turn_verbs") | {"move", "tilt", "shift"}:
         return next((part for part in known.table["trunk"] if f" {words[0]} your {part} " in text), None)
     return None
+
+
+def _leans_aside(words: list[str], text: str) -> bool:
+    """Whether the trunk is to lean to a side: "tilt your body to the left"; "bend left" is a turn."""
+    known = vocabulary()
+    if words[:1] == [] or stem(words[0]) not in known.words("leaning") or known.words("head") & set(words):
+        return False
+    aside = bool(sides(text)) or any(f" {way} " in text for way in _ASIDE)
+    trunk = any(f" {part} " in text for part in (*known.table["trunk"], "body", "yourself"))
+    plain_lean = words[0] not in known.words("turn_verbs") and (stem(words[0]) != "bend" or not sides(text))
+    return aside and (trunk or plain_lean) and text.strip() not in taught()
 
 
 def _moves_arm(words: list[str]) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+from flexmotion.text.no_walks import feet_verbs
+from flexmotion.text.prompt_reader import FORBIDS
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import stem
 
@@ -30,6 +32,14 @@ _POSTURE_FIRST = re.compile(
 )
 
 
+_BOTH = re.compile(
+    r"\b(?P<opens>(?:(?:start|begin|keep|continue) )?)(?P<one>[a-z]+)\b"
+    r"(?P<rest>(?:(?! and | then | while )[^,.;!?])*?)(?:,? and|,) (?P<other>[a-z]+ing)\b",
+    re.IGNORECASE,
+)
+"""Two motions, the second as a participle: "nodding and walking"."""
+
+
 def reworded(sentence: str) -> str:
     """The sentence in the grammar's own words: "at most" for "no more than", "please" for "would you mind".
 
@@ -46,6 +56,8 @@ def reworded(sentence: str) -> str:
         found = f"keep {match['posture']} and {match['rest']}"  # "hands on hips, turn left"
     for pattern, same in _patterns():
         found = pattern.sub(same, found)
+    if FORBIDS.search(found) is None:
+        found = _BOTH.sub(_at_once, found)
     return sentence if found == text else " ".join(found.split())
 
 
@@ -61,6 +73,17 @@ def _after_motion(match: re.Match[str]) -> str:
     if verb not in known.words("ended_motions") or (verb in known.words("ended_by_amount") and not amount):
         return match.group(0)
     return f"after you have {ended}, {motion}"
+
+
+def _at_once(match: re.Match[str]) -> str:
+    """Two participles, or a verb and a participle, of which one is a gesture's, as motions at the same time."""
+    verbs = stem(match["one"].lower()), stem(match["other"].lower())
+    gestures = {stem(phrase.split()[0]) for phrase in vocabulary().phrases("gesturing")}
+    known = gestures | feet_verbs() | vocabulary().words("single_motions")
+    more = {stem(word) for word in match["rest"].lower().split()} & gestures  # "walk nodding and waving"
+    if not set(verbs) <= known or verbs[0] == verbs[1] or more or not gestures & set(verbs):
+        return match.group(0)
+    return f"{match['opens']}{match['one']}{match['rest']} while {match['other']}"
 
 
 @lru_cache

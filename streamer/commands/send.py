@@ -233,7 +233,9 @@ def send(
 
 def _require_degrees(option: str, found: float, most: float) -> None:
     """Raise `BadParameter` for an angle beyond what the message takes, which counts in radians."""
-    if not abs(found) <= most:
+    if not math.isfinite(found):
+        raise typer.BadParameter(f"{option}: {found} is no number, expected {-most:g} to {most:g} degrees")
+    if abs(found) > most:
         beyond = "a turn" if most == 360.0 else "half a turn"
         raise typer.BadParameter(f"{option}: {found:g} is beyond {beyond}, expected {-most:g} to {most:g} degrees")
 

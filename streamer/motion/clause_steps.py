@@ -43,6 +43,8 @@ from flexmotion.text.shaping import TO_WHICH_SIDE
 from flexmotion.text.sides import LEFT, RIGHT, sides
 from flexmotion.text.vocabulary import vocabulary
 
+RUNS = ("run", "dash")
+"""Kinds of motion that go straight ahead, and to no side."""
 NOT_HELD = "ends, or begins anew, and is not held"
 
 
@@ -272,6 +274,8 @@ class ClauseSteps:
         feet = prompt.kind in table["walks"] or prompt.kind in table["turns"]
         if (feet and is_no_walk(clause.text)) or is_unlike(clause.text, prompt.kind):
             raise RefusedError(f"{clause.said!r} is not understood: no known motion is like it")
+        if prompt.kind in RUNS and sides(clause.text):
+            raise RefusedError(f"{clause.said!r}: {prompt.kind} goes straight ahead; say 'walk to the left'")
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
         intent: Intent = Text(clause.text)

@@ -162,6 +162,7 @@ class Hearing:
                 dropped += self.model.prompt(heard_words).dropped if heard_words else ()
         for clause, step in zip(wanted, steps, strict=False):
             dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause, step))))
+            notes += () if step.rhythm is None or clause.manner not in dropped else (_pace_limit(step, clause.speed),)
             if clause.beside is not None:
                 gesture_step = self.steps.single_motion(clause.beside, in_sequence=False)
                 dropped = tuple(dict.fromkeys((*dropped, *_ignored(clause.beside, gesture_step))))
@@ -478,6 +479,13 @@ def _ignored(clause: Clause, step: Step) -> tuple[str, ...]:
 def _is_paced(step: Step, speed: float) -> bool:
     """Whether a rhythm goes about as fast as a factor on its speed asks."""
     return step.rhythm is not None and speed != 1.0 and log(step.rhythm.speed) / log(speed) >= PACED
+
+
+def _pace_limit(step: Step, speed: float) -> str:
+    """How fast a rhythm is made that does not go as fast, or as slowly, as a factor on its speed asks, in words."""
+    assert step.rhythm is not None
+    bound = "most" if speed > 1.0 else "least"
+    return f"{step.kind} goes at {bound} {step.rhythm.speed:.2g} times its usual speed"
 
 
 def _qualifies(clause: Clause) -> bool:

@@ -23,6 +23,7 @@ from flexmotion.streamer.report.human_sections import LikenessSection, TorquePro
 from flexmotion.streamer.report.likeness import Likeness
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 from flexmotion.streamer.report.torque_profile import TorqueProfile
+from flexmotion.text.phrases import STAND
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
@@ -250,15 +251,29 @@ def _dropped(record: RunTrace) -> int | None:
 def _reached(record: RunTrace, answers: tuple[Heard, ...]) -> tuple[Heard, ...]:
     """The answers; those to items of a script whose time never came say so."""
     until_s = float(np.nanmax(record.source_s, initial=-np.inf))
+    stood_until_s = _stood_until_s(record)
     return tuple(
         heard.model_copy(update={"reached": False})
         if heard.item is not None
         and heard.state != "refused"
-        and (heard.at_s or 0.0) > until_s + _LAST_FRAME_S
+        and (heard.at_s or 0.0) > (max(until_s, stood_until_s) if heard.heard_as == STAND else until_s) + _LAST_FRAME_S
         and all(step.end is None for step in heard.steps)
         else heard
         for heard in answers
     )
+
+
+def _stood_until_s(record: RunTrace) -> float:
+    """Until when the robot stood and waited, in the script's time [s]; -inf: it never did.
+
+    A source is not played on while the robot stands, so its own time does not tell; a stand asks nothing more of it.
+    """
+    played = np.flatnonzero(np.isfinite(record.source_s))
+    stood = np.flatnonzero(record.state[: record.used] == State.HOLD)
+    if not len(played) or not len(stood):
+        return -np.inf
+    ticks = int(record.tick[stood[-1]]) - int(record.tick[played[0]])
+    return float(record.source_s[played[0]]) + ticks / record.rate_hz
 
 
 def _cut_by(record: RunTrace, info: RunInfo, answers: tuple[Heard, ...], faults: list[str]) -> CutBy | None:

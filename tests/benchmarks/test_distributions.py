@@ -9,7 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from benchmarks.model.distributions import (
+    EVENTS,
     LIMIT,
+    PARTINGS,
     Compared,
     Held,
     held_part,
@@ -39,9 +41,10 @@ def bent(motion: Motion, joint: str, degrees: float, first: int = 0, last: int |
     return replace(motion, joints=joints)
 
 
-def compared(kind: str, made: float, real: float, name: str = "trunk pitch") -> Compared:
+def compared(kind: str, made: float, real: float, name: str = "trunk pitch", partings: int = PARTINGS) -> Compared:
     none = np.array([])
-    return Compared(kind, 20, {name: real}, {name: made}, {name: (none, none, none)}, strips=(None, None))  # type: ignore[arg-type]
+    counts, values = {name: partings}, {name: (none, none, none)}
+    return Compared(kind, 20, {name: real}, {name: made}, counts, values, strips=(None, None))  # type: ignore[arg-type]
 
 
 def test_elbows_and_wrists_are_told_apart_by_side(circling) -> None:
@@ -90,10 +93,24 @@ def test_people_in_the_place_of_samples_are_as_near_as_people() -> None:
     for seed in range(20):
         random = np.random.default_rng(seed)
         people = [{"trunk pitch": random.normal(random.normal(0.0, 4.0), 1.0, 50)} for _ in range(48)]
-        means, _ = parted(people[:24], dict(enumerate(people[24:])), 12, random)
-        real, made = means["trunk pitch"]
-        ratios.append(made / real)
+        found = parted(people[:24], dict(enumerate(people[24:])), 12, random)["trunk pitch"]
+        ratios.append(found.made / found.real)
     assert np.mean(np.array(ratios) <= LIMIT) >= 0.85 and np.mean(ratios) < 1.15
+
+
+def test_a_figure_is_judged_over_the_partings_that_have_enough_values() -> None:
+    """The figure vanished where one of the forty partings had too few values, without a word."""
+    random = np.random.default_rng(1)
+    walks = [{"step width": random.normal(10.0, 1.0, 20 if number < 2 else 1)} for number in range(8)]
+    found = parted(walks, dict(enumerate(walks)), 4, random)["step width"]
+    assert 0 < found.partings < PARTINGS and found.real > 0.0
+    assert min(map(len, found.values)) >= EVENTS
+    stands = [{"step width": np.ones(1)} for _ in range(8)]
+    assert not parted(stands, dict(enumerate(stands)), 4, random)
+    (told,) = verdicts([compared("run", 1.0, 1.0, "step width", found.partings)])
+    assert told.sentence.endswith(f"; too few values in the others: run ({found.partings} of {PARTINGS} partings)"), (
+        told
+    )
 
 
 def test_a_pose_is_compared_while_it_is_held(circling) -> None:

@@ -37,6 +37,13 @@ def test_an_unknown_robot_lists_the_known_ones() -> None:
         load_robot("op4")
 
 
+@pytest.mark.parametrize("given", [None, 7])
+def test_what_is_no_name_of_a_robot_is_refused_by_name(given: Any) -> None:
+    """A TypeError of a library: "expected str, bytes or os.PathLike object"."""
+    with pytest.raises(ConfigError, match=rf"robot: {given}, expected the name of a robot \(op3\) or its folder"):
+        load_robot(given)
+
+
 def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"expected .*\.yaml or robot\.yaml"):
         load_robot(tmp_path)

@@ -111,10 +111,13 @@ def test_a_height_alone_is_a_crouch_and_a_bow_where_the_hips_cannot_be_so_low() 
 
 
 def test_what_is_out_of_reach_names_the_nearest_place() -> None:
+    """The answer to `send --head nan 0 0` did not say what was taken for the place."""
     with pytest.raises(
         ConfigError, match=r"out of reach while both feet stand; the nearest place is \[.*the tolerance 5 cm"
     ):
         PLACES.nearest((0.3, 0.0, 0.4), 0.05, FEET, ARMS)
+    with pytest.raises(ConfigError, match=r"head: \[any, 0, 0\] m is out of reach"):
+        PLACES.nearest((None, 0.0, 0.0), 0.05, FEET, ARMS)
     moved = PLACES.nearest((0.02, 0.06, 0.4), 0.05, FEET, ARMS)
     assert moved.moved is not None and "cm from there" in moved.moved
 

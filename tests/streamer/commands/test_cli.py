@@ -147,6 +147,8 @@ BAD_USAGE = {
     "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
     "heading beyond a turn": (["send", "--heading", "450"], "--heading: 450 is beyond a turn, expected -360 to 360"),
     # Angles of these two are typed in degrees, and were refused in radians.
+    "joint at no angle": (["send", "--joint", "l_el", "nan"], "--joint: nan is no number, expected -360 to 360"),
+    "heading into no direction": (["send", "--heading", "inf"], "--heading: inf is no number, expected -360 to 360"),
     "joint beyond a turn": (["send", "--joint", "l_el", "450"], "--joint: 450 is beyond a turn, expected -360 to 360"),
     "toes beyond half a turn": (
         ["send", "--foot", "left", "0", ".1", "--heading", "200"],

@@ -101,6 +101,13 @@ def test_nods_go_slower_and_faster_as_far_as_they_can(hearing: Hearing) -> None:
     assert isinstance(other.steps[0].intent, Text) and other.steps[0].intent.tempo == pytest.approx(0.6)
 
 
+def test_a_nod_that_goes_no_faster_says_how_fast_it_goes(hearing: Hearing) -> None:
+    """The answer to "nod quickly" was "not done: quickly", of a nod that is a tenth faster."""
+    heard = hear(hearing, "nod quickly").heard
+    assert heard.dropped == ("quickly",) and heard.notes == ("nod goes at most 1.1 times its usual speed",)
+    assert hear(hearing, "shake your head quickly").heard.notes == ()
+
+
 def test_an_answer_says_how_surely_and_what_is_done_when_and_how_long(hearing: Hearing) -> None:
     heard = hear(hearing, "turn 90 degrees to the right then wave twice").heard
     turn, wave = heard.steps

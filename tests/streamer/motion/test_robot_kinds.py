@@ -214,6 +214,16 @@ def test_a_sampler_takes_a_robot_as_a_session_does_and_says_why_it_stands(robot:
     assert np.array_equal(windows[0].joints, windows[1].joints)
 
 
+@pytest.mark.parametrize("robot", ["op3", ROBOTS / "op3"], ids=["name", "folder"])
+def test_a_source_and_a_driver_take_a_robot_by_its_name(robot: Path | str) -> None:
+    """An AttributeError, "'str' object has no attribute 'gait'"; of a driver, "no attribute 'compile'"."""
+    source = api.open_source(robot, Text("stand still"))
+    assert isinstance(source, ModelSource) and source.pace == human_pace(load_robot("op3"), source.body)
+    assert api.open_driver("sim", robot).name == "sim"
+    with pytest.raises(ConfigError, match="unknown robot 'op4'"):
+        api.open_source("op4", Text("stand still"))
+
+
 def test_a_sampler_of_an_unknown_robot_names_those_that_there_are() -> None:
     with pytest.raises(ConfigError, match="op3"):
         api.open_sampler(robot="op4")

@@ -163,6 +163,21 @@ def test_items_of_a_script_that_the_run_did_not_reach_say_so(record: RunTrace, f
     assert not build_report(record, replace(INFO, targets=(items[0], items[2])), figures).ok
 
 
+def test_the_stop_of_a_script_is_reached_by_a_robot_that_stands(record: RunTrace, figures: RobotFigures) -> None:
+    """The likeness said "left out: 1 of 2 items (not reached)" of a script of "stand still" and a stop.
+
+    A robot that stands is followed no longer: here the human for 7 s, and then the robot waits for a second.
+    """
+    stop = Heard(item=1, at_s=7.5, asked="stand still", state="accepted", heard_as="stand")
+    items = (prompt(0, 0.0), stop)
+    waits = np.isnan(record.source_s)
+    assert set(record.state[waits]) == {State.HOLD}
+    assert all(heard.reached for heard in build_report(record, replace(INFO, targets=items), figures).targets)
+    record.rows["state"][waits] = State.DAMPED  # it fell before
+    fell = build_report(record, replace(INFO, targets=items), figures)
+    assert [heard.reached for heard in fell.targets] == [True, False]
+
+
 @pytest.mark.parametrize(
     ("counts", "told"),
     [
