@@ -7,11 +7,13 @@ As `scipy.signal.lfilter`, whose import loads scipy.stats and takes as long as a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtbtrs
+
+from flexmotion.compiled import ANY, FLOATS, compiled
 
 Float = NDArray[np.float64]
 
@@ -24,20 +26,28 @@ def recursive(feed: Sequence[float], back: Sequence[float], signal: Float, state
         back: weights of the output before, from that of the last sample on, none of which is that of the present one.
         state: what the samples before add to the first outputs, (at most the filter's order, ...); None: nothing.
     """
-    if not signal.size:
-        return signal.astype(np.float64)
-    added = np.zeros((len(signal), signal[0].size))
-    columns = signal.reshape(added.shape)
-    for lag, weight in enumerate(feed):
-        added[lag:] += weight * columns[: max(len(columns) - lag, 0)]
-    if state is not None:
-        first = state[: len(signal)]
-        added[: len(first)] += first.reshape(len(first), -1)
-    # The recursion is the solution of a triangular system of as many bands, with ones on its diagonal.
-    bands = np.repeat(np.array([1.0, *back])[:, None], len(signal), axis=1)
-    found, _ = dtbtrs(bands, added, uplo="L", diag="U")
-    filtered: Float = np.ascontiguousarray(found).reshape(signal.shape)
-    return filtered
+    width = math.prod(signal.shape[1:])
+    columns = np.asarray(signal, np.float64).reshape(len(signal), width)
+    before = np.empty((0, width)) if state is None else state.reshape(len(state), width)
+    return _recursive(np.array(feed), np.array(back), columns, before).reshape(signal.shape)
+
+
+@compiled(*[FLOATS[1]] * 2, *[ANY[2]] * 2)
+def _recursive(feed: Float, back: Float, signal: Float, state: Float) -> Float:
+    """`recursive` of columns, (T, C)."""
+    rows, columns = signal.shape
+    out = np.zeros((rows, columns))
+    for row in range(rows):
+        for lag in range(min(len(feed), row + 1)):
+            for column in range(columns):
+                out[row, column] += feed[lag] * signal[row - lag, column]
+        if row < len(state):
+            for column in range(columns):
+                out[row, column] += state[row, column]
+        for lag in range(min(len(back), row)):
+            for column in range(columns):
+                out[row, column] -= back[lag] * out[row - lag - 1, column]
+    return out
 
 
 def butterworth(cutoff: float, fps: float) -> tuple[tuple[float, float, float], tuple[float, float]]:
