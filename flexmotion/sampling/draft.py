@@ -26,6 +26,7 @@ from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.balance import BALANCE, STILL
 from flexmotion.sampling.beside import Beside
 from flexmotion.sampling.delivery import Delivered, delivered
+from flexmotion.sampling.kept_feet import LIFTED
 from flexmotion.sampling.kept_pose import KeptPose
 from flexmotion.sampling.leg_reach import smoothly_shifted
 from flexmotion.sampling.limb_closing import LEG, closed, staying
@@ -53,6 +54,9 @@ UPRIGHT = np.radians(0.1)
 
 RUNS = 2.0
 """People run rather than walk from this speed on [m/s]: half of gravity's at the length of a leg (Froude number .5)."""
+
+STOOD = 0.03
+"""Feet that moved less than this in the last `ARRIVING` frames have come to rest [m]."""
 
 GLIDES = 0.5
 """Feet of which the slowest end is faster than this glide [m/s]."""
@@ -87,6 +91,7 @@ class Draft:
         stands: whether standing still is asked: idle joints move to `rest`. In a gesture those near it stay.
         quiet: whether nothing is asked of pelvis and legs: once the human stands they rest.
         on_the_spot: whether what is asked is done there: feet that rest are kept in place by their legs.
+        in_place: whether feet that have come to rest stay on the floor.
         fastest: turn of an upper arm that is not too fast [rad/s].
         asked: of the window beside words. Where that is anything of single frames, legs end as they were decoded, and
             where it is of the legs, feet that rest are not kept before balance.
@@ -106,6 +111,7 @@ class Draft:
     stands: bool
     quiet: bool
     on_the_spot: bool
+    in_place: bool
     fastest: float
     asked: Constraints | None
     pose: KeptPose | Rhythm | None
@@ -134,6 +140,8 @@ class Draft:
     def planted(self, features: Float32) -> tuple[Motion, Slip | None]:
         """Motion with its loaded feet in place, forces as decoded; and how the feet slipped before."""
         decoded = decode(features, self.layout, self.body, self.anchor, source=self.source)
+        if self._on_both_feet and decoded.contacts is not None:
+            decoded = decoded.changed(contacts=np.ones_like(decoded.contacts))
         if self.still is not None:
             motion, slip = self._standing(decoded, self.still), None
         else:
@@ -163,7 +171,7 @@ class Draft:
         """
         pose = WindowPose.of_features(features, self.layout, self.body)
         feet = np.concatenate([self.anchor.local(self._feet_before), pose.feet])
-        contacts = features[:, self.layout.blocks["contacts"]] > 0.5
+        contacts = (features[:, self.layout.blocks["contacts"]] > 0.5) | self._on_both_feet
         way = float(np.hypot(*pose.position[-1, PELVIS, :2]))
         stays = self._keeps_feet and self._stays(way, len(features))
         holding = Slip.of(feet, contacts, pose.rotation[:, PELVIS], self.layout.fps, stays).holding
@@ -174,6 +182,13 @@ class Draft:
     def still(self) -> StillStance | None:
         """The stance in which pelvis and legs stay; None: they move as decoded."""
         return StillStance.of(self.history, self.rest) if self.quiet else None
+
+    @cached_property
+    def _on_both_feet(self) -> bool:
+        """Whether both feet have come to rest, and stay so: a model that bows takes a step in one bow of four."""
+        feet = self._feet_arriving
+        low = feet[-1, ..., 2].min(axis=1).max() < LIFTED
+        return bool(self.in_place and low and np.ptp(feet[..., :2], axis=0).max() < STOOD)
 
     @property
     def _in_gesture(self) -> bool:

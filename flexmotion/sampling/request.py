@@ -191,6 +191,11 @@ class Requests:
         kind = self._said(condition)
         return kind is not None and (kind == STAND or fits_beside(kind, STAND))
 
+    def keeps_feet(self, condition: Condition) -> bool:
+        """Whether a condition of `meant` is done on feet that stay where they stand."""
+        kind = self._said(condition)
+        return kind is not None and (phrases.is_in_place(kind) or self.leaves_legs(condition))
+
     def travels(self, condition: Condition) -> bool:
         """Whether a condition of `meant` leads away or turns, or may do so.
 

@@ -247,6 +247,7 @@ class Sampler:
             stands=free and self.requests.stands(meant),
             quiet=asked is None and self.requests.leaves_legs(meant),
             on_the_spot=not self.requests.travels(meant),
+            in_place=free and self.requests.keeps_feet(meant),
             fastest=self._fastest(meant),
             asked=asked,
             pose=condition.pose or self.rhythm(condition),

@@ -106,6 +106,11 @@ def is_sudden(kind: str) -> bool:
     return bool(_table().get(kind, {}).get("sudden", False))
 
 
+def is_in_place(kind: str) -> bool:
+    """Whether the whole body makes a kind of motion on feet that stay where they stand."""
+    return bool(_table().get(kind, {}).get("in_place", False))
+
+
 def is_pose(kind: str) -> bool:
     """Whether a kind of motion is held once it is reached, until something else is asked."""
     return bool(_table().get(ALIASES.get(kind, kind), {}).get("pose", False))

@@ -266,3 +266,14 @@ def test_every_suggestion_means_what_it_is_suggested_for(sampler: Sampler) -> No
 def test_a_limb_that_the_motion_does_not_use_is_refused(sampler: Sampler, sentence: str) -> None:
     prompt = sampler.prompt(sentence)
     assert not prompt.known and prompt.kind == STAND and "is a motion of the" in str(prompt.warning)
+
+
+@pytest.mark.parametrize("seed", [900, 1100])
+def test_a_bow_keeps_both_feet_on_the_floor(sampler: Sampler, seed: int) -> None:
+    """One bow in four took a step: a foot at 1.1 and at .7 m/s, where people's are slower than .35."""
+    history, fastest = sampler.standing(), 0.0
+    for number in range(3):
+        history = sampler.sample(history, Condition("bow"), seed + number)
+        steps = np.diff(forward(history).ankle, axis=0)
+        fastest = max(fastest, float(np.linalg.norm(steps, axis=-1).max()) * sampler.fps)
+    assert fastest < 0.35

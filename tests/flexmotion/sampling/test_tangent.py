@@ -39,6 +39,7 @@ def draft(clip: Motion) -> tuple[Draft, np.ndarray]:
         stands=False,
         quiet=False,
         on_the_spot=False,
+        in_place=False,
         fastest=CALM,
         asked=None,
         pose=None,
