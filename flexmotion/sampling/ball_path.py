@@ -1,7 +1,8 @@
 """`led_joints`, `settled_joints`: joints on their way to a pose, joints of three hinges by the shortest rotation.
 
 Three hinge angles have two solutions for every rotation, and an arm that is held out to the side is near the place
-where they meet: led angle by angle, wrists moved by .9 m from one frame to the next, or all the way round.
+where they meet: led angle by angle, wrists moved by .9 m from one frame to the next, or all the way round. An upper arm
+goes past the front where the shortest rotation would take it behind the shoulder and above it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.features.joint_groups import BALL_COLUMNS, ball_angles, ball_matrices
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
 from flexmotion.sampling.settling import settled
 from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
 
@@ -19,6 +20,12 @@ Float = NDArray[np.float64]
 
 FAR = 2.0
 """Rotations by more than this [rad] may turn over from frame to frame: they are counted on beyond half a turn."""
+
+
+SHOULDERS = tuple(number for number, ball in enumerate(BALLS) if ball[0].startswith("shoulder"))
+BEHIND, ABOVE = 0.5, 0.2
+"""No arm points farther back and up than this at once, as a unit vector seen from the trunk: one that is stretched back
+by the shoulder's 60° points down by .5, and a raised arm back by .3."""
 
 
 def led_joints(joints: Float, pose: Float, columns: Collection[int], share: Float, before: Float) -> Float:
@@ -58,7 +65,7 @@ def settled_joints(
     found[:, single] = settled(known[:, single], _nearest(pose[single], known[-1, single]), frames, fps, seconds)
     if balls:
         before, goal = ball_matrices(known, balls), ball_matrices(pose, balls)
-        away = _between(goal, before).reshape(len(known), -1)
+        away = _in_front(goal, _between(goal, before), balls).reshape(len(known), -1)
         path = settled(away, np.zeros(away.shape[1]), frames, fps, seconds).reshape(frames, -1, 3)
         own = goal @ matrices(vector_quaternions(path))
         found[:, BALL_COLUMNS[balls]] = ball_angles(own, known[-1, BALL_COLUMNS[balls]], balls)
@@ -90,3 +97,27 @@ def _between(first: Float, second: Float) -> Float:
         if before @ own < 0.0:
             own -= 2 * np.pi / size[frame + 1, ball] * own
     return found
+
+
+def _in_front(goal: Float, away: Float, balls: list[int]) -> Float:
+    """Rotation vectors from a goal, the other way round for upper arms that would pass behind and above the shoulder.
+
+    Args:
+        goal: rotations, (K, 3, 3).
+        away: from the goal to where the joints were, (T, K, 3) [rad].
+        balls: which joints they are.
+    """
+    for place in (place for place, ball in enumerate(balls) if ball in SHOULDERS):
+        way = away[:, place]
+        size = np.sqrt(np.einsum("ti,ti->t", way, way))[:, None]
+        round_ = way - 2.0 * np.pi * way / np.maximum(size, 1e-9)
+        if _behind(goal[place], way[-1]) and not _behind(goal[place], round_[-1]):
+            away[:, place] = round_
+    return away
+
+
+def _behind(goal: Float, way: Float) -> bool:
+    """Whether an upper arm passes behind and above the shoulder on its way between a rotation and another."""
+    shares = np.linspace(0.0, 1.0, 9)[1:-1, None]
+    arm = -(goal @ matrices(vector_quaternions(shares * way)))[..., 2]
+    return bool(((arm[:, 0] < -BEHIND) & (arm[:, 2] > ABOVE)).any())
