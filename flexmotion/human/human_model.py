@@ -104,9 +104,10 @@ class HumanModel:
             turn=turn.reshape(-1, 3, 3),
             centre=model.body_ipos.copy(),
             first=model.body_jntadr.astype(np.int64),
-            count=model.body_jntnum.astype(np.int64),
+            hinged=model.body_jntnum.astype(np.int64),
             columns=np.array([JOINTS.index(name) if name in JOINTS else -1 for name in names], np.int64),
-            hinges=np.stack([model.jnt_pos, model.jnt_axis]),
+            anchor=model.jnt_pos.copy(),
+            axis=model.jnt_axis.copy(),
             bearer=model.site_bodyid.astype(np.int64),
             sites=model.site_pos.copy(),
         )

@@ -126,10 +126,11 @@ def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
 
 def _state(motion: Motion, needed: NDArray[np.bool_]) -> tuple[Float, ...]:
     """The arrays of `STATE`, of the needed segments."""
-    given = motion.root_position, motion.root_quaternion, motion.joints
-    return poses(
-        human_model(motion.body).segments, *(np.ascontiguousarray(value, np.float64) for value in given), needed
+    position, quaternion, joints = (
+        np.ascontiguousarray(value, np.float64)
+        for value in (motion.root_position, motion.root_quaternion, motion.joints)
     )
+    return poses(human_model(motion.body).segments, position, quaternion, joints, needed)
 
 
 @lru_cache(maxsize=32)

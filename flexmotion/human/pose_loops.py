@@ -22,9 +22,9 @@ class Segments(NamedTuple):
         parent: of each of B segments, (B,).
         offset, turn: of each in its parent, (B, 3) [m] and (B, 3, 3).
         centre: of mass, in the segment's axes, (B, 3) [m].
-        first, count: its joints, (B,).
+        first, hinged: its first joint, and how many it has, (B,).
         columns: of each of H joints among the coordinates, (H,); -1: the free joint of the root.
-        hinges: anchor, axis in the axes of their segments, (2, H, 3) [m, 1].
+        anchor, axis: in the axes of their segments, (H, 3) [m] and unit vectors.
         bearer: segment of each of S sites, (S,).
         sites: in the axes of their segments, (S, 3) [m].
     """
@@ -34,47 +34,48 @@ class Segments(NamedTuple):
     turn: Float
     centre: Float
     first: Int
-    count: Int
+    hinged: Int
     columns: Int
-    hinges: Float
+    anchor: Float
+    axis: Float
     bearer: Int
     sites: Float
 
 
 _INTS = types.Array(INT, 1, "C")
-_SEGMENTS = fields(Segments, _INTS, FLOATS[2], FLOATS[3], FLOATS[2], _INTS, _INTS, _INTS, FLOATS[3], _INTS, FLOATS[2])
+_SEGMENTS = fields(Segments, _INTS, FLOATS[2], FLOATS[3], FLOATS[2], *[_INTS] * 3, *[FLOATS[2]] * 2, _INTS, FLOATS[2])
 
 
 @part
-def _placed(rotation: Float, vector: Float, origin: Float, found: Float) -> None:
-    """Write a vector (3,) turned by a rotation (3, 3), from an origin (3,)."""
-    x, y, z = vector[0], vector[1], vector[2]
+def _place(turned: Float, b: int, vectors: Float, number: int, origins: Float, origin: int, found: Float) -> None:
+    """Write vector `number` turned by rotation `b`, from an origin, in the place of that number."""
+    x, y, z = vectors[number, 0], vectors[number, 1], vectors[number, 2]
     for row in range(3):
-        found[row] = origin[row] + (rotation[row, 0] * x + rotation[row, 1] * y + rotation[row, 2] * z)
+        along = turned[b, row, 0] * x + turned[b, row, 1] * y + turned[b, row, 2] * z
+        found[number, row] = origins[origin, row] + along
 
 
 @part
-def _unit_rotation(quaternion: Float, found: Float) -> None:
-    """Write the rotation (3, 3) of a quaternion w x y z of any length."""
-    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    w, x, y, z = w / length, x / length, y / length, z / length
-    found[0, 0], found[0, 1], found[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    found[1, 0], found[1, 1], found[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    found[2, 0], found[2, 1], found[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+def _set(turned: Float, b: int, w: float, x: float, y: float, z: float) -> None:
+    """Write the rotation of a quaternion of any length."""
+    scale = 2.0 / (w * w + x * x + y * y + z * z)
+    turned[b, 0, 0], turned[b, 1, 1] = 1.0 - scale * (y * y + z * z), 1.0 - scale * (x * x + z * z)
+    turned[b, 2, 2] = 1.0 - scale * (x * x + y * y)
+    turned[b, 0, 1], turned[b, 1, 0] = scale * (x * y - w * z), scale * (x * y + w * z)
+    turned[b, 0, 2], turned[b, 2, 0] = scale * (x * z + w * y), scale * (x * z - w * y)
+    turned[b, 1, 2], turned[b, 2, 1] = scale * (y * z - w * x), scale * (y * z + w * x)
 
 
 @part
-def _turn(rotation: Float, axis: Float, angle: float) -> None:
-    """Turn a rotation (3, 3) by an angle about an axis of its own frame, in place (Rodrigues)."""
-    x, y, z = axis[0], axis[1], axis[2]
+def _turn(turned: Float, b: int, x: float, y: float, z: float, angle: float) -> None:
+    """Turn a rotation by an angle about an axis of its own frame (Rodrigues)."""
     s, c = math.sin(angle), math.cos(angle)
     d = 1.0 - c
     for row in range(3):
-        a, b, e = rotation[row, 0], rotation[row, 1], rotation[row, 2]
-        rotation[row, 0] = a * (c + d * x * x) + b * (d * x * y + s * z) + e * (d * x * z - s * y)
-        rotation[row, 1] = a * (d * x * y - s * z) + b * (c + d * y * y) + e * (d * y * z + s * x)
-        rotation[row, 2] = a * (d * x * z + s * y) + b * (d * y * z - s * x) + e * (c + d * z * z)
+        a, e, f = turned[b, row, 0], turned[b, row, 1], turned[b, row, 2]
+        turned[b, row, 0] = a * (c + d * x * x) + e * (d * x * y + s * z) + f * (d * x * z - s * y)
+        turned[b, row, 1] = a * (d * x * y - s * z) + e * (c + d * y * y) + f * (d * y * z + s * x)
+        turned[b, row, 2] = a * (d * x * z + s * y) + e * (d * y * z - s * x) + f * (c + d * z * z)
 
 
 @compiled(_SEGMENTS, *[FLOATS[2]] * 3, types.Array(BOOL, 1, "C"))
@@ -94,46 +95,47 @@ def poses(
         (T, H, 3) and `site_xpos` (T, S, 3) [m].
     """
     frames, size, number = len(position), len(model.parent), len(model.columns)
-    origins, centres = np.empty((frames, size, 3)), np.empty((frames, size, 3))
-    rotations = np.empty((frames, size, 9))
+    origins, centres = np.zeros((frames, size, 3)), np.zeros((frames, size, 3))
+    rotations = np.empty((frames, size, 3, 3))
     anchors, axes = np.empty((frames, number, 3)), np.empty((frames, number, 3))
     sites = np.empty((frames, len(model.bearer), 3))
+    offset, centre, anchor, axis = model.offset, model.centre, model.anchor, model.axis
     for t in range(frames):
-        turned = rotations[t].reshape(size, 3, 3)
-        origins[t, 0], centres[t, 0], turned[0] = 0.0, 0.0, np.eye(3)
+        turned, origin, middle, pivot, about = rotations[t], origins[t], centres[t], anchors[t], axes[t]
+        _set(turned, 0, 1.0, 0.0, 0.0, 0.0)
         for b in range(1, size):
             if not needed[b]:
                 continue
-            above, own, origin = model.parent[b], turned[b], origins[t, b]
-            first = model.first[b]
-            if model.count[b] and model.columns[first] < 0:
-                _unit_rotation(quaternion[t], own)
-                origin[:] = position[t]
-                anchors[t, first] = position[t]
-                axes[t, first] = model.hinges[1, first]
-            else:
-                _placed(turned[above], model.offset[b], origins[t, above], origin)
+            above, first = model.parent[b], model.first[b]
+            if model.hinged[b] and model.columns[first] < 0:
+                _set(turned, b, quaternion[t, 0], quaternion[t, 1], quaternion[t, 2], quaternion[t, 3])
                 for row in range(3):
+                    origin[b, row] = pivot[first, row] = position[t, row]
+                    about[first, row] = axis[first, row]
+            else:
+                _place(turned, above, offset, b, origin, above, origin)
+                for row in range(3):
+                    x, y, z = turned[above, row, 0], turned[above, row, 1], turned[above, row, 2]
                     for column in range(3):
-                        own[row, column] = (
-                            turned[above, row, 0] * model.turn[b, 0, column]
-                            + turned[above, row, 1] * model.turn[b, 1, column]
-                            + turned[above, row, 2] * model.turn[b, 2, column]
+                        turned[b, row, column] = (
+                            x * model.turn[b, 0, column] + y * model.turn[b, 1, column] + z * model.turn[b, 2, column]
                         )
-                for joint in range(first, first + model.count[b]):
-                    anchor, axis = model.hinges[0, joint], model.hinges[1, joint]
-                    _placed(own, anchor, origin, anchors[t, joint])
+                for joint in range(first, first + model.hinged[b]):
+                    x, y, z = axis[joint, 0], axis[joint, 1], axis[joint, 2]
+                    u, v, w = anchor[joint, 0], anchor[joint, 1], anchor[joint, 2]
                     for row in range(3):
-                        axes[t, joint, row] = own[row, 0] * axis[0] + own[row, 1] * axis[1] + own[row, 2] * axis[2]
-                    _turn(own, axis, joints[t, model.columns[joint]])
+                        a, e, f = turned[b, row, 0], turned[b, row, 1], turned[b, row, 2]
+                        about[joint, row] = a * x + e * y + f * z
+                        pivot[joint, row] = origin[b, row] + (a * u + e * v + f * w)
+                    _turn(turned, b, x, y, z, joints[t, model.columns[joint]])
                     # The joint's anchor stays where it is.
                     for row in range(3):
-                        origin[row] = anchors[t, joint, row] - (
-                            own[row, 0] * anchor[0] + own[row, 1] * anchor[1] + own[row, 2] * anchor[2]
+                        origin[b, row] = pivot[joint, row] - (
+                            turned[b, row, 0] * u + turned[b, row, 1] * v + turned[b, row, 2] * w
                         )
-            _placed(own, model.centre[b], origin, centres[t, b])
-        for s in range(len(sites[t])):
-            bearer = model.bearer[s]
+            _place(turned, b, centre, b, origin, b, middle)
+        for site in range(len(model.bearer)):
+            bearer = model.bearer[site]
             if needed[bearer]:
-                _placed(turned[bearer], model.sites[s], origins[t, bearer], sites[t, s])
-    return origins, centres, rotations, anchors, axes, sites
+                _place(turned, bearer, model.sites, site, origin, bearer, sites[t])
+    return origins, centres, rotations.reshape(frames, size, 9), anchors, axes, sites
