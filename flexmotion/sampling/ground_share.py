@@ -65,11 +65,16 @@ def ground_share(
         centres: of pressure of the same, (T, 2, 3) [m].
         weight: of the body [N].
     """
+    own = np.ascontiguousarray
     feet = Feet(
-        *(np.ascontiguousarray(own) for own in (soles.origin, soles.axes, soles.lattice, soles.points, soles.height)),
-        np.ascontiguousarray(usable),
-        np.ascontiguousarray(predicted),
-        np.ascontiguousarray(centres),
+        origin=own(soles.origin),
+        axes=own(soles.axes),
+        lattice=own(soles.lattice),
+        points=own(soles.points),
+        height=own(soles.height),
+        usable=own(usable),
+        predicted=own(predicted),
+        centres=own(centres),
     )
     sharing = Sharing(ROUNDS, MET, DAMPED, SLIGHT, SLIGHT * weight, GROUND.friction)
-    return GroundShare(*shares(np.ascontiguousarray(force), np.ascontiguousarray(moment), feet, sharing))
+    return GroundShare(*shares(own(force), own(moment), feet, sharing))
