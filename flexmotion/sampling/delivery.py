@@ -142,13 +142,13 @@ def delivered(
         needs = _needs(segments, window.body, whole, planned)
         if walks:
             shift = np.zeros((len(whole), 3))
-            shift[:, :2] = horizontal_shift(needs, soles.bounds(_usable(contacts, soles, STANDING)))
+            shift[:, :2] = horizontal_shift(needs, soles.bounds(soles.usable(contacts, STANDING)))
             segments, soles, needs = _moved(segments, shift, whole.fps), soles.moved(shift), needs.shifted(shift)
             window = _shifted(window, shift)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
-    usable = _usable(contacts, soles, REACH)[made]
+    usable = soles.usable(contacts, REACH)[made]
     mass, weight = window.body.mass, window.body.mass * GRAVITY
     assert predicted.wrenches is not None and predicted.pressure_centres is not None
     ground = ground_share(
@@ -168,7 +168,7 @@ def _raised(
     window: Motion, whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
 ) -> Motion:
     """The window with feet raised by their legs that its shift in height takes below the floor; else itself."""
-    borne = _borne(_usable(contacts, soles, STANDING), whole.fps)
+    borne = _borne(soles.usable(contacts, STANDING), whole.fps)
     up = vertical_shift(_needs(segments, whole.body, whole, planned), borne)
     below = (-SUNK - soles.height.min(axis=2) - up[:, None])[KNOWN:]
     if below.max() <= 0.0:
@@ -220,7 +220,7 @@ def _balanced(
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
     needs = _needs(segments, whole.body, whole, planned)
     shift = np.zeros((len(whole), 3))
-    usable = _usable(contacts, soles, STANDING)
+    usable = soles.usable(contacts, STANDING)
     shift[:, 2] = vertical_shift(needs, _borne(usable, whole.fps))
     lifted = needs.shifted(shift)
     if resting is not None:
@@ -257,14 +257,6 @@ def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -
         moment=at_origin[:, 3:],
         centre=segments.centre,
     )
-
-
-def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
-    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12)."""
-    low = soles.height < reach
-    stands = low & contacts[..., None]
-    found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
-    return found
 
 
 def _borne(usable: Flags, fps: float) -> Flags:
