@@ -6,12 +6,12 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import FLOAT, FLOATS, INT, compiled, part
+from flexmotion.compiled import FLOAT, FLOATS, INTS, compiled, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-_INTS = types.Array(INT, 1, "C")
+_WRITTEN = types.Array(FLOAT, 3, "C")
 
 
 @part
@@ -38,7 +38,7 @@ def differences(weights: Float, signal: Float) -> Float:
     return found
 
 
-@compiled(*[FLOATS[2]] * 3, FLOATS[3], FLOATS[4], _INTS, FLOATS[3], FLOATS[3], FLOAT)
+@compiled(*[FLOATS[2]] * 3, FLOATS[3], FLOATS[4], INTS[1], _WRITTEN, _WRITTEN, FLOAT)
 def derive(
     once: Float,
     twice: Float,
@@ -122,7 +122,7 @@ def whole_efforts(mass: Float, com: Float, acceleration: Float, rate: Float, gra
     return found
 
 
-@compiled(_INTS, *[FLOATS[3]] * 5, _INTS, _INTS, FLOATS[3], FLOATS[3])
+@compiled(INTS[1], *[FLOATS[3]] * 5, INTS[1], INTS[1], FLOATS[3], FLOATS[3])
 def torques(
     parent: Int,
     force: Float,

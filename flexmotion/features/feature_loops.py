@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import FLOAT, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import FLOAT, FLOATS, INT, INTS, compiled, fields, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -59,8 +58,7 @@ class Start(NamedTuple):
     balls: Float
 
 
-_INTS = {rank: types.Array(INT, rank, "C") for rank in (1, 2)}
-_COLUMNS = fields(Columns, INT, INT, INT, _INTS[1], _INTS[2], FLOATS[2], _INTS[1])
+_COLUMNS = fields(Columns, INT, INT, INT, INTS[1], INTS[2], FLOATS[2], INTS[1])
 _SCALE = fields(Scale, *[FLOAT] * 4)
 _START = fields(Start, FLOATS[1], FLOAT, FLOATS[2])
 
@@ -163,7 +161,7 @@ def orthonormal(columns: Float) -> Float:
     return found
 
 
-@compiled(FLOATS[2], _INTS[2], FLOATS[2])
+@compiled(FLOATS[2], INTS[2], FLOATS[2])
 def ball_matrices(joints: Float, columns: Int, signs: Float) -> Float:
     """Rotations Ry(a) Rx(b) Rz(c) of K balls, (N, K, 3, 3), at angles of all joints, (N, J) [rad].
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import BOOL, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import BOOL, FLOATS, INTS, compiled, fields, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -42,8 +42,9 @@ class Segments(NamedTuple):
     sites: Float
 
 
-_INTS = types.Array(INT, 1, "C")
-_SEGMENTS = fields(Segments, _INTS, FLOATS[2], FLOATS[3], FLOATS[2], *[_INTS] * 3, *[FLOATS[2]] * 2, _INTS, FLOATS[2])
+_SEGMENTS = fields(
+    Segments, INTS[1], FLOATS[2], FLOATS[3], FLOATS[2], *[INTS[1]] * 3, *[FLOATS[2]] * 2, INTS[1], FLOATS[2]
+)
 
 
 @part

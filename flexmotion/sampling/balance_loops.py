@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import BOOL, FLOAT, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import ANY, BOOL, FLOAT, FLOATS, INT, compiled, fields, part
 
 Float = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -181,7 +181,7 @@ def heights(
     return _slowed(shift, known, limits.farthest)
 
 
-@compiled(*[FLOATS[2]] * 3, FLOATS[1], FLOATS[2], *[FLOATS[2]] * 4, _FRAMES, _ENDS, _LIMITS)
+@compiled(*[ANY[2]] * 3, FLOATS[1], *[FLOATS[2]] * 5, _FRAMES, _ENDS, _LIMITS)
 def places(
     force: Float,
     moment: Float,
@@ -264,14 +264,15 @@ def places(
     return outside, _slowed(free, frames.known, limits.farthest), base, moved, edge, given, hessian, right
 
 
-@compiled(*[FLOATS[2]] * 5, _FRAMES, _LIMITS)
+@compiled(*[FLOATS[2]] * 3, types.Array(FLOAT, 2, "C"), FLOATS[2], _FRAMES, _LIMITS)
 def brought(
     base: Float, moved: Float, edge: Float, given: Float, solved: Float, frames: Frames, limits: Limits
 ) -> Float:
     """The shift that brings points into their regions, (N, 2) [m].
 
     Args:
-        base, moved, edge, given: of `places`; solved: its right sides, over its Hessian, (2 + R, M).
+        base, moved, edge, given: of `places`; the last one is changed.
+        solved: right sides of `places` over its Hessian, (2 + R, M).
         frames, limits: see `places`.
     """
     rows, unknown = moved.shape

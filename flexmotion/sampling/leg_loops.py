@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import FLOAT, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import FLOAT, FLOATS, INT, INTS, compiled, fields, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -33,7 +32,6 @@ class Leg(NamedTuple):
 
 
 _LEG = fields(Leg, *[FLOAT] * 6)
-_INTS = types.Array(INT, 1, "C")
 
 
 @part
@@ -183,7 +181,7 @@ def eased(joints: Float, changed: Float, weights: Float, limits: Float) -> Float
     return found
 
 
-@compiled(_LEG, FLOATS[2], FLOATS[2], *[FLOATS[3]] * 2, *[_INTS] * 3)
+@compiled(_LEG, FLOATS[2], FLOATS[2], *[FLOATS[3]] * 2, *[INTS[1]] * 3)
 def stretched(
     leg: Leg, joints: Float, down: Float, hip: Float, ankle: Float, hips: Int, knees: Int, ankles: Int
 ) -> Float:

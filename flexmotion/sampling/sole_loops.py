@@ -6,17 +6,16 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import BOOL, FLOAT, FLOATS, INT, compiled
+from flexmotion.compiled import BOOL, FLOAT, FLOATS, INTS, compiled
 
 Float = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Int = NDArray[np.int64]
 
-_INTS = types.Array(INT, 1, "C")
 _FLAGS = {rank: types.Array(BOOL, rank, "C") for rank in (2, 3)}
 
 
-@compiled(FLOATS[3], FLOATS[4], _INTS, FLOATS[2])
+@compiled(FLOATS[3], FLOATS[4], INTS[1], FLOATS[2])
 def soles(position: Float, rotation: Float, feet: Int, grid: Float) -> tuple[Float, Float, Float, Float]:
     """Origins, axes, points and heights of soles as of `Soles`.
 
