@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.features import feature_loops
-from flexmotion.features.feature_loops import Columns, Scale, Start
+from flexmotion.features.feature_columns import columns_of
+from flexmotion.features.feature_loops import Scale, Start
 from flexmotion.features.heading_frame import yaw_matrix
-from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
-from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
+from flexmotion.features.joint_groups import BALL_COLUMNS
+from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import heading
 
@@ -66,7 +66,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     values = np.ascontiguousarray(features, np.float64)
     blocks, weight, frames = layout.blocks, body.mass * GRAVITY, len(values)
     position, quaternion, joints, wrenches, centres = feature_loops.decoded(
-        values, _columns(layout), _start(anchor), Scale(layout.fps, body.leg, weight, FIRM)
+        values, columns_of(layout), _start(anchor), Scale(layout.fps, body.leg, weight, FIRM)
     )
     torques = np.zeros((frames, DOF_COUNT))
     torques[:, -len(JOINTS) :] = values[:, blocks["torques"]] * (weight * body.leg)
@@ -95,20 +95,6 @@ def root_path(features: NDArray, layout: Layout, body: Body, anchor: Anchor) -> 
 def _start(anchor: Anchor) -> Start:
     place = np.ascontiguousarray(anchor.place, np.float64)
     return Start(place, float(anchor.yaw), np.asarray(anchor.joints, np.float64)[BALL_COLUMNS])
-
-
-@lru_cache(maxsize=8)
-def _columns(layout: Layout) -> Columns:
-    blocks = {name: cut.start for name, cut in layout.blocks.items()}
-    return Columns(
-        root=blocks["root"],
-        rotations=blocks["rotations"],
-        wrenches=blocks["wrenches"],
-        ankles=np.array([blocks["positions"] + 3 * POINTS.index(f"ankle_{side}") for side in SIDES]),
-        balls=BALL_COLUMNS,
-        signs=BALL_SIGNS,
-        hinges=HINGE_COLUMNS,
-    )
 
 
 def _joint_contact(values: Float, layout: Layout, weight: float) -> Float | None:

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from flexmotion.compiled import FLOAT, FLOATS, INT, INTS, compiled, fields, part
@@ -18,7 +19,8 @@ class Columns(NamedTuple):
     """Where blocks of features begin, and which joints they are of.
 
     Attributes:
-        root, rotations, wrenches: first columns of blocks.
+        root, rotations, positions, wrenches: first columns of blocks; behind the positions are velocities and
+            accelerations.
         ankles: first columns of left and right ankle, (2,).
         balls: joints of three hinges, (6, 3).
         signs: of their angles, (6, 3).
@@ -27,6 +29,7 @@ class Columns(NamedTuple):
 
     root: int
     rotations: int
+    positions: int
     wrenches: int
     ankles: Int
     balls: Int
@@ -58,7 +61,8 @@ class Start(NamedTuple):
     balls: Float
 
 
-_COLUMNS = fields(Columns, INT, INT, INT, INTS[1], INTS[2], FLOATS[2], INTS[1])
+_COLUMNS = fields(Columns, *[INT] * 4, INTS[1], INTS[2], FLOATS[2], INTS[1])
+_FEATURES = types.Array(types.float32, 2, "C")
 _SCALE = fields(Scale, *[FLOAT] * 4)
 _START = fields(Start, FLOATS[1], FLOAT, FLOATS[2])
 
@@ -161,6 +165,19 @@ def orthonormal(columns: Float) -> Float:
     return found
 
 
+@part
+def _ball_matrix(joints: Float, t: int, columns: Int, signs: Float, k: int, own: Float) -> None:
+    """Write the rotation Ry(a) Rx(b) Rz(c) of a ball, (3, 3)."""
+    x, y = joints[t, columns[k, 0]] * signs[k, 0], joints[t, columns[k, 1]] * signs[k, 1]
+    z = joints[t, columns[k, 2]] * signs[k, 2]
+    a, b, c = math.cos(x), math.cos(y), math.cos(z)
+    sa, sb, sc = math.sin(x), math.sin(y), math.sin(z)
+    tilted, turned = sa * sb, a * sb
+    own[0, 0], own[0, 1], own[0, 2] = a * c + tilted * sc, tilted * c - a * sc, sa * b
+    own[1, 0], own[1, 1], own[1, 2] = b * sc, b * c, -sb
+    own[2, 0], own[2, 1], own[2, 2] = turned * sc - sa * c, sa * sc + turned * c, a * b
+
+
 @compiled(FLOATS[2], INTS[2], FLOATS[2])
 def ball_matrices(joints: Float, columns: Int, signs: Float) -> Float:
     """Rotations Ry(a) Rx(b) Rz(c) of K balls, (N, K, 3, 3), at angles of all joints, (N, J) [rad].
@@ -172,17 +189,7 @@ def ball_matrices(joints: Float, columns: Int, signs: Float) -> Float:
     found = np.empty((len(joints), len(columns), 3, 3))
     for t in range(len(joints)):
         for k in range(len(columns)):
-            x, y, z = (
-                joints[t, columns[k, 0]] * signs[k, 0],
-                joints[t, columns[k, 1]] * signs[k, 1],
-                joints[t, columns[k, 2]] * signs[k, 2],
-            )
-            a, b, c = math.cos(x), math.cos(y), math.cos(z)
-            sa, sb, sc = math.sin(x), math.sin(y), math.sin(z)
-            tilted, turned, own = sa * sb, a * sb, found[t, k]
-            own[0, 0], own[0, 1], own[0, 2] = a * c + tilted * sc, tilted * c - a * sc, sa * b
-            own[1, 0], own[1, 1], own[1, 2] = b * sc, b * c, -sb
-            own[2, 0], own[2, 1], own[2, 2] = turned * sc - sa * c, sa * sc + turned * c, a * b
+            _ball_matrix(joints, t, columns, signs, k, found[t, k])
     return found
 
 
@@ -265,3 +272,93 @@ def decoded(values: Float, columns: Columns, start: Start, scale: Scale) -> tupl
             for k in range(3):
                 joints[t, columns.balls[ball, k]] = angles[t, ball, k]
     return position, quaternions, joints, wrenches, centres
+
+
+@compiled(*[FLOATS[3]] * 2, FLOATS[4], *[FLOATS[2]] * 2, INTS[1], INT, _COLUMNS, _SCALE, _FEATURES)
+def encoded(
+    bodies: Float,
+    sites: Float,
+    rotations: Float,
+    root: Float,
+    joints: Float,
+    places: Int,
+    pelvis: int,
+    columns: Columns,
+    scale: Scale,
+    features: NDArray[np.float32],
+) -> tuple[Float, Float]:
+    """Write the blocks of features that kinematics tell; return points, (T, P, 3) [m], and headings, (T,) [rad].
+
+    Args:
+        bodies, sites, rotations: of the model, (T, B, 3) [m], (T, S, 3) [m] and (T, B, 3, 3).
+        root, joints: (T, 3) [m] and (T, J) [rad].
+        places: of the points among bodies and, after these, sites, (P,).
+        pelvis: its place among the bodies.
+        columns: where what is in the features.
+        scale: their units.
+        features: (T, F), of which those blocks are written.
+    """
+    frames, count, size = len(root), len(places), bodies.shape[1]
+    points, yaw = np.empty((frames, count, 3)), np.empty(frames)
+    rates, own = np.zeros((3, frames, count, 3)), np.empty((3, 3))
+    leg, fps, turns = scale.leg, scale.fps, 0.0
+    for t in range(frames):
+        for p in range(count):
+            for k in range(3):
+                place = places[p]
+                points[t, p, k] = bodies[t, place, k] if place < size else sites[t, place - size, k]
+        r = rotations[t, pelvis]
+        yaw[t] = math.atan2(r[1, 0] - r[0, 1], r[0, 0] + r[1, 1]) + turns
+        # Without jumps of 2π over time.
+        if t and abs(yaw[t] - yaw[t - 1]) > math.pi:
+            jump = 2.0 * math.pi * np.rint((yaw[t] - yaw[t - 1]) / (2.0 * math.pi))
+            turns -= jump
+            yaw[t] -= jump
+        for p in range(count):
+            for k in range(3):
+                rates[0, t, p, k] = points[t, p, k] - (root[t, k] if k < 2 else 0.0)
+    # Backward differences; of the first frame those of the second.
+    for t in range(1, frames):
+        for p in range(count):
+            for k in range(3):
+                rates[1, t, p, k] = (points[t, p, k] - points[t - 1, p, k]) * fps
+                if t == 1:
+                    rates[1, 0, p, k] = rates[1, 1, p, k]
+    for t in range(1, frames):
+        for p in range(count):
+            for k in range(3):
+                rates[2, t, p, k] = (rates[1, t, p, k] - rates[1, t - 1, p, k]) * fps
+                if t == 1:
+                    rates[2, 0, p, k] = rates[2, 1, p, k]
+    for t in range(frames):
+        now, before = (max(t, 1), max(t, 1) - 1) if frames > 1 else (0, 0)
+        # Displacement since the last frame in the heading of that frame: its sum is exactly the path.
+        cosine, sine = math.cos(yaw[max(t - 1, 0)]), math.sin(yaw[max(t - 1, 0)])
+        x, y = (root[now, 0] - root[before, 0]) * fps, (root[now, 1] - root[before, 1]) * fps
+        features[t, columns.root] = (cosine * x + sine * y) / leg
+        features[t, columns.root + 1] = (cosine * y - sine * x) / leg
+        features[t, columns.root + 2] = (yaw[now] - yaw[before]) * fps
+        features[t, columns.root + 3] = root[t, 2] / leg
+        cosine, sine, first = math.cos(yaw[t]), math.sin(yaw[t]), columns.rotations
+        for k in range(2):
+            x, y = rotations[t, pelvis, 0, k], rotations[t, pelvis, 1, k]
+            features[t, first + 3 * k] = cosine * x + sine * y
+            features[t, first + 3 * k + 1] = cosine * y - sine * x
+            features[t, first + 3 * k + 2] = rotations[t, pelvis, 2, k]
+        first += 6
+        for ball in range(len(columns.balls)):
+            _ball_matrix(joints, t, columns.balls, columns.signs, ball, own)
+            for k in range(6):
+                features[t, first + k] = own[k % 3, k // 3]
+            first += 6
+        for k in range(len(columns.hinges)):
+            features[t, first + k] = joints[t, columns.hinges[k]]
+        first = columns.positions
+        for rate in range(3):
+            for p in range(count):
+                x, y = rates[rate, t, p, 0], rates[rate, t, p, 1]
+                features[t, first] = (cosine * x + sine * y) / leg
+                features[t, first + 1] = (cosine * y - sine * x) / leg
+                features[t, first + 2] = rates[rate, t, p, 2] / leg
+                first += 3
+    return points, yaw
