@@ -80,7 +80,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
         wrenches=wrenches,
         pressure_centres=centres,
         contacts=values[:, blocks["contacts"]] > 0.5,
-        activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,
+        activations=np.minimum(np.maximum(values[:, blocks[ACTIVATIONS]], 0.0), 1.0) if layout.muscles else None,
         joint_contact=_joint_contact(values, layout, weight),
         source=source,
     )

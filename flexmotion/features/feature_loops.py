@@ -165,6 +165,30 @@ def orthonormal(columns: Float) -> Float:
     return found
 
 
+@compiled(FLOATS[2])
+def turns(columns: Float) -> tuple[Float, Float, Float]:
+    """Rotations of K balls, (K, T, 3, 3), from six columns each, (T, 6 K), and cosines of their turns.
+
+    Returns:
+        Rotations; cosines of the turns of their third axes from each frame to the next, (K, T - 1); of whole turns.
+    """
+    frames, balls = len(columns), columns.shape[1] // 6
+    found = np.empty((balls, frames, 3, 3))
+    axis, whole = np.empty((balls, frames - 1)), np.empty((balls, frames - 1))
+    for ball in range(balls):
+        for t in range(frames):
+            _orthonormal(columns, t, 6 * ball, found[ball, t])
+            if t:
+                trace, last = 0.0, 0.0
+                for k in range(3):
+                    last = 0.0
+                    for row in range(3):
+                        last += found[ball, t - 1, row, k] * found[ball, t, row, k]
+                    trace += last
+                axis[ball, t - 1], whole[ball, t - 1] = last, 0.5 * (trace - 1.0)
+    return found, axis, whole
+
+
 @part
 def _ball_matrix(joints: Float, t: int, columns: Int, signs: Float, k: int, own: Float) -> None:
     """Write the rotation Ry(a) Rx(b) Rz(c) of a ball, (3, 3)."""

@@ -282,12 +282,15 @@ def _borne(usable: Flags, fps: float) -> Flags:
 def _moved(segments: SegmentMotion, shift: Float, fps: float) -> SegmentMotion:
     """Segments of a body that is shifted as a whole."""
     away = shift[:, None]
-    return replace(
-        segments,
+    return SegmentMotion(
+        mass=segments.mass,
         position=segments.position + away,
+        rotation=segments.rotation,
         com=segments.com + away,
-        anchor=segments.anchor + away,
         acceleration=segments.acceleration + acceleration(shift, fps)[:, None],
+        angular_momentum_rate=segments.angular_momentum_rate,
+        anchor=segments.anchor + away,
+        axis=segments.axis,
     )
 
 
@@ -305,8 +308,8 @@ def _with_forces(predicted: Motion, ground: GroundShare, segments: SegmentMotion
 
 
 def _frames(segments: SegmentMotion, frames: slice) -> SegmentMotion:
-    return replace(
-        segments,
+    return SegmentMotion(
+        mass=segments.mass,
         position=segments.position[frames],
         rotation=segments.rotation[frames],
         com=segments.com[frames],
