@@ -54,9 +54,15 @@ def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = 
     return Effort(force, cross(segments.com, force) + segments.angular_momentum_rate)
 
 
-def whole_effort(segments: SegmentMotion) -> Float:
-    """Total force, and moment about the world's origin, that move all masses, (T, 6) [N, N·m]; less than `effort`."""
-    return whole_efforts(segments.mass, segments.com, segments.acceleration, segments.angular_momentum_rate, GRAVITY)
+def whole_effort(segments: SegmentMotion) -> tuple[Float, Float, Float]:
+    """Total force, and moment about the world's origin, that move all masses, over their mass; and their centre.
+
+    Returns:
+        (T, 3) each [m/s², m²/s², m].
+    """
+    own = np.ascontiguousarray
+    rate = own(segments.angular_momentum_rate)
+    return whole_efforts(segments.mass, own(segments.com), own(segments.acceleration), rate, GRAVITY)
 
 
 def _forces(segments: SegmentMotion) -> Float:
@@ -86,24 +92,23 @@ def joint_torques(
         points: reference points of those moments, (T, 2, 3) [m].
         loads: external forces.
     """
-    human, force = human_model(body), _forces(segments)
+    human, force, own = human_model(body), _forces(segments), np.ascontiguousarray
     for load in loads:
         force[:, human.body_index[load.segment]] -= load.force
-    found = torques(
+    return torques(
         human.segments.parent,
-        force,
-        segments.com,
-        segments.angular_momentum_rate,
-        segments.anchor,
-        segments.axis,
+        own(force),
+        own(segments.com),
+        own(segments.angular_momentum_rate),
+        own(segments.anchor),
+        own(segments.axis),
+        own(segments.position),
+        own(segments.rotation),
         *_loaded(body),
-        np.ascontiguousarray(wrenches),
-        np.ascontiguousarray(points),
+        human.body_index["pelvis"],
+        own(wrenches),
+        own(points),
     )
-    pelvis = human.body_index["pelvis"]
-    found[:, 3:6] -= cross(segments.position[:, pelvis], found[:, :3])
-    found[:, 3:6] = np.einsum("tji,tj->ti", segments.rotation[:, pelvis], found[:, 3:6])
-    return found
 
 
 @lru_cache(maxsize=32)

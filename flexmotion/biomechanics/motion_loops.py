@@ -6,7 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import FLOAT, FLOATS, INTS, compiled, part
+from flexmotion.compiled import FLOAT, FLOATS, INT, INTS, compiled, part
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -99,30 +99,43 @@ def derive(
 
 
 @compiled(FLOATS[1], *[FLOATS[3]] * 3, FLOAT)
-def whole_efforts(mass: Float, com: Float, acceleration: Float, rate: Float, gravity: float) -> Float:
-    """Total force, and moment about the world's origin, that move all masses, (T, 6) [N, N·m].
+def whole_efforts(
+    mass: Float, com: Float, acceleration: Float, rate: Float, gravity: float
+) -> tuple[Float, Float, Float]:
+    """Total force, and moment about the world's origin, that move all masses, over the mass; and their centre.
 
     Args:
         mass: of the segments, (B,) [kg].
         com, acceleration: of their centres of mass, (T, B, 3) [m, m/s²].
         rate: of angular momentum about these, (T, B, 3) [N·m].
         gravity: [m/s²].
+
+    Returns:
+        (T, 3) each [m/s², m²/s², m].
     """
-    found = np.zeros((len(com), 6))
+    force, moment, centre = np.zeros((len(com), 3)), np.zeros((len(com), 3)), np.zeros((len(com), 3))
+    whole = 0.0
+    for b in range(len(mass)):
+        whole += mass[b]
     for t in range(len(com)):
         for b in range(len(mass)):
+            share = mass[b] / whole
             x, y, z = acceleration[t, b, 0], acceleration[t, b, 1], acceleration[t, b, 2] + gravity
-            x, y, z = mass[b] * x, mass[b] * y, mass[b] * z
-            found[t, 0] += x
-            found[t, 1] += y
-            found[t, 2] += z
-            found[t, 3] += com[t, b, 1] * z - com[t, b, 2] * y + rate[t, b, 0]
-            found[t, 4] += com[t, b, 2] * x - com[t, b, 0] * z + rate[t, b, 1]
-            found[t, 5] += com[t, b, 0] * y - com[t, b, 1] * x + rate[t, b, 2]
-    return found
+            x, y, z = share * x, share * y, share * z
+            u, v, w = com[t, b, 0], com[t, b, 1], com[t, b, 2]
+            force[t, 0] += x
+            force[t, 1] += y
+            force[t, 2] += z
+            moment[t, 0] += v * z - w * y + rate[t, b, 0] / whole
+            moment[t, 1] += w * x - u * z + rate[t, b, 1] / whole
+            moment[t, 2] += u * y - v * x + rate[t, b, 2] / whole
+            centre[t, 0] += share * u
+            centre[t, 1] += share * v
+            centre[t, 2] += share * w
+    return force, moment, centre
 
 
-@compiled(INTS[1], *[FLOATS[3]] * 5, INTS[1], INTS[1], FLOATS[3], FLOATS[3])
+@compiled(INTS[1], *[FLOATS[3]] * 6, FLOATS[4], INTS[1], INTS[1], INT, FLOATS[3], FLOATS[3])
 def torques(
     parent: Int,
     force: Float,
@@ -130,20 +143,25 @@ def torques(
     rate: Float,
     anchor: Float,
     axis: Float,
+    position: Float,
+    rotation: Float,
     bearer: Int,
     feet: Int,
+    root: int,
     wrenches: Float,
     points: Float,
 ) -> Float:
-    """Force, and moment about the world's origin, on the root, then moments about the hinges, (T, 6 + J) [N, N·m].
+    """Force on the root, moment about its axes, then moments about the hinges, (T, 6 + J) [N, N·m].
 
     Args:
         parent: of each segment, which is behind it, (B,); the first one is the world.
         force: m (c̈ - g) of each segment, less external forces, (T, B, 3) [N].
         com, rate: see `whole_efforts`.
         anchor, axis: of the hinges, (T, J, 3) [m, 1].
+        position, rotation: of the segments, (T, B, 3) [m] and (T, B, 3, 3).
         bearer: segment that each hinge moves, (J,).
         feet: segments of left and right foot, (2,).
+        root: segment that carries all others.
         wrenches, points: on the feet, (T, 2, 6) [N, N·m] and (T, 2, 3) [m].
     """
     frames, size, hinges = len(force), len(parent), len(bearer)
@@ -167,8 +185,12 @@ def torques(
         for b in range(size - 1, 0, -1):
             for k in range(6):
                 sums[parent[b], k] += sums[b, k]
-        for k in range(6):
-            found[t, k] = sums[0, k]
+        x, y, z = sums[root, 0], sums[root, 1], sums[root, 2]
+        a, e, f = position[t, root, 0], position[t, root, 1], position[t, root, 2]
+        found[t, 0], found[t, 1], found[t, 2] = x, y, z
+        a, e, f = sums[root, 3] - (e * z - f * y), sums[root, 4] - (f * x - a * z), sums[root, 5] - (a * y - e * x)
+        for k in range(3):
+            found[t, 3 + k] = rotation[t, root, 0, k] * a + rotation[t, root, 1, k] * e + rotation[t, root, 2, k] * f
         for j in range(hinges):
             b = bearer[j]
             x, y, z = sums[b, 0], sums[b, 1], sums[b, 2]

@@ -32,8 +32,7 @@ from scipy.linalg.lapack import dposv
 
 from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
-from flexmotion.human.vectors import cross
-from flexmotion.sampling.balance_loops import Ends, Frames, Limits, brought, heights, places
+from flexmotion.sampling.balance_loops import Ends, Frames, Limits, brought, heights, places, shifted
 from flexmotion.sampling.soles import DIRECTIONS, NOWHERE, OUTWARD
 from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
@@ -124,10 +123,12 @@ class Needs:
 
     def shifted(self, shift: Float) -> Needs:
         """The needs of the motion shifted by (N, 3) [m]."""
+        own = np.ascontiguousarray
         more = acceleration(shift, self.fps)
-        force = self.force + more
-        moment = self.moment + cross(self.centre + shift, more) + cross(shift, self.force)
-        return replace(self, root=self.root + shift, force=force, moment=moment, centre=self.centre + shift)
+        root, force, moment, centre = shifted(
+            own(shift), more, own(self.root), own(self.force), own(self.moment), own(self.centre)
+        )
+        return Needs(self.known, self.fps, root, self.planned, force, moment, centre)
 
 
 def acceleration(shift: Float, fps: float) -> Float:
@@ -198,13 +199,13 @@ def horizontal_shift(
             bounds=bounds[-2] - margin if walks is None else walks.place @ OUTWARD,
             weight=settings.capture * settings.ease * frequency**4,
         )
-    start, limits = terms.wanted(needs, slice(2)), _limits(settings, needs.fps)
+    start, limits, own = terms.wanted(needs, slice(2)), _limits(settings, needs.fps), np.ascontiguousarray
     outside, free, base, moved, edge, given, hessian, right = places(
-        needs.force,
-        needs.moment,
-        needs.centre,
-        _NO_SHARES if stays is None else stays,
-        bounds,
+        own(needs.force),
+        own(needs.moment),
+        own(needs.centre),
+        _NO_SHARES if stays is None else own(stays),
+        own(bounds),
         terms.second,
         terms.place,
         start,

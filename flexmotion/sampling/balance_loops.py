@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flexmotion.compiled import ANY, BOOL, FLOAT, FLOATS, INT, compiled, fields, part
+from flexmotion.compiled import BOOL, FLOAT, FLOATS, INT, compiled, fields, part
 
 Float = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -129,6 +129,25 @@ def _within(point: Float, edge: Float, outward: Float, projections: int) -> bool
     return outside
 
 
+@compiled(*[FLOATS[2]] * 6)
+def shifted(
+    shift: Float, more: Float, root: Float, force: Float, moment: Float, centre: Float
+) -> tuple[Float, Float, Float, Float]:
+    """Root, force, moment and centre of `Needs`, (N, 3) each, of a motion that is shifted.
+
+    Args:
+        shift: (N, 3) [m], and `more`: its second derivative [m/s²].
+        root, force, moment, centre: before it.
+    """
+    roots, forces, moments, centres = root + shift, force + more, moment.copy(), centre + shift
+    for t in range(len(shift)):
+        for k in range(3):
+            one, other = (k + 1) % 3, (k + 2) % 3
+            moments[t, k] += centres[t, one] * more[t, other] - centres[t, other] * more[t, one]
+            moments[t, k] += shift[t, one] * force[t, other] - shift[t, other] * force[t, one]
+    return roots, forces, moments, centres
+
+
 @compiled(*[FLOATS[2]] * 2, FLOATS[1], *[FLOATS[2]] * 3, _BOOLS, FLOAT, INT, _LIMITS)
 def heights(
     start: Float,
@@ -181,7 +200,7 @@ def heights(
     return _slowed(shift, known, limits.farthest)
 
 
-@compiled(*[ANY[2]] * 3, FLOATS[1], *[FLOATS[2]] * 5, _FRAMES, _ENDS, _LIMITS)
+@compiled(*[FLOATS[2]] * 3, FLOATS[1], *[FLOATS[2]] * 5, _FRAMES, _ENDS, _LIMITS)
 def places(
     force: Float,
     moment: Float,

@@ -34,7 +34,6 @@ from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import REACH
-from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
@@ -124,7 +123,7 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    root = whole.root_position
+    root, planned = whole.root_position, np.concatenate([np.zeros((KNOWN, 3)), planned])
     seen = _Seen.of(segments, soles, contacts, whole, planned)
     if raises and (raised := _raised(window, soles, seen, whole.joints[KNOWN - 1])) is not window:
         segments = moved_by(np.asarray((raised.joints != window.joints).any(axis=0)), segments, raised)
@@ -140,7 +139,7 @@ def delivered(
         window = finished
         soles = Soles.of(whole.body, segments)
         # The forces do not depend on the path; that of a walk is shifted once more, from where it is now.
-        needs = _needs(segments, window.body, root + shift, whole.fps, planned)
+        needs = _needs(segments, root + shift, whole.fps, planned)
         if walks:
             shift = np.zeros((len(whole), 3))
             shift[:, :2] = horizontal_shift(needs, soles.bounds(soles.usable(contacts, STANDING)))
@@ -181,7 +180,7 @@ class _Seen:
 
     @classmethod
     def of(cls, segments: SegmentMotion, soles: Soles, contacts: Flags, whole: Motion, planned: Float) -> _Seen:
-        needs = _needs(segments, whole.body, whole.root_position, whole.fps, planned)
+        needs = _needs(segments, whole.root_position, whole.fps, planned)
         usable = soles.usable(contacts, STANDING)
         return cls(needs, usable, vertical_shift(needs, _borne(usable, whole.fps)))
 
@@ -256,17 +255,17 @@ def _staying(usable: Flags, stays: Flags | None) -> Float | None:
     return found
 
 
-def _needs(segments: SegmentMotion, body: Body, root: Float, fps: float, planned: Float) -> Needs:
+def _needs(segments: SegmentMotion, root: Float, fps: float, planned: Float) -> Needs:
     """What a motion needs of the ground, known frames first; `root`: its path, (N, 3) [m]."""
-    at_origin = whole_effort(segments) / body.mass
+    force, moment, centre = whole_effort(segments)
     return Needs(
         known=KNOWN,
         fps=fps,
         root=root,
-        planned=np.concatenate([np.zeros((KNOWN, 3)), planned]),
-        force=at_origin[:, :3],
-        moment=at_origin[:, 3:],
-        centre=segments.centre,
+        planned=planned,
+        force=force,
+        moment=moment,
+        centre=centre,
     )
 
 

@@ -329,9 +329,10 @@ def _change(pose: LimbPose, wanted: Wanted, sides: int) -> Float:
     size, frames = pose.axis.shape[1], len(pose.axis) // sides
     over = _functions(frames)
     # The joints of a frame are summed up before functions of time are: a frame's rows share those.
-    squares, pulled = equations(
-        pose.anchor, pose.axis, pose.points, np.array(pose.carried), wanted.places, wanted.weight, FARTHEST
+    anchor, axis, points, places, weight = map(
+        np.ascontiguousarray, (pose.anchor, pose.axis, pose.points, wanted.places, wanted.weight)
     )
+    squares, pulled = equations(anchor, axis, points, np.array(pose.carried), places, weight, FARTHEST)
     squares, pulled = squares.reshape(sides, frames, -1), pulled.reshape(sides, frames, size)
     normal = (squares.swapaxes(-1, -2) @ _products(frames)).reshape(sides, size, size, over.shape[1], -1)
     normal = normal.swapaxes(2, 3).reshape(sides, size * over.shape[1], -1) + _evenness(frames, size)

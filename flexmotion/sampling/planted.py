@@ -107,7 +107,7 @@ def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
         contacts: feet that carry load, (T, 2).
         fps: frames per second.
     """
-    return _settled(wanted_lifts(np.ascontiguousarray(height), contacts, BELOW, ABOVE), fps)
+    return _settled(wanted_lifts(np.ascontiguousarray(height), np.ascontiguousarray(contacts), BELOW, ABOVE), fps)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,8 @@ class Slip:
             fps: frames per second.
             stays: whether the body stays where it is: loaded feet are alike, and none glides.
         """
-        return cls(*slips(feet, contacts, np.ascontiguousarray(pelvis), fps, stays, _HOLDS))
+        own = np.ascontiguousarray
+        return cls(*slips(own(feet), own(contacts), own(pelvis), fps, stays, _HOLDS))
 
     @property
     def made_up_for(self) -> Float:
@@ -212,7 +213,9 @@ def _summing(frames: int) -> Float:
 
 def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> Float:
     """Distances by which the legs lower the feet: loaded feet to the floor, all feet out of it, (T, 2) [m]."""
-    return remaining(height, loaded, REACHED, SUNK, most, MOST, np.array(ALONG))
+    return remaining(
+        np.ascontiguousarray(height), np.ascontiguousarray(loaded), REACHED, SUNK, most, MOST, np.array(ALONG)
+    )
 
 
 def _feet(human: HumanKinematics) -> Float:

@@ -53,7 +53,9 @@ class Soles:
     def of(cls, body: Body, segments: SegmentMotion) -> Soles:
         """Soles of a motion."""
         feet, grid, lattice = _shape(body)
-        origin, axes, points, height = soles(segments.position, segments.rotation, feet, grid)
+        origin, axes, points, height = soles(
+            np.ascontiguousarray(segments.position), np.ascontiguousarray(segments.rotation), feet, grid
+        )
         return cls(origin, axes, lattice, points, height)
 
     def __getitem__(self, frames: slice) -> Soles:
@@ -76,7 +78,7 @@ class Soles:
         Args:
             usable: whether the ground can act at a point, (T, 2, 12).
         """
-        return bounds(self.points, usable, OUTWARD, NOWHERE)
+        return bounds(np.ascontiguousarray(self.points), np.ascontiguousarray(usable), OUTWARD, NOWHERE)
 
     def usable(self, contacts: Flags, reach: float) -> Flags:
         """Points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12).
@@ -85,7 +87,7 @@ class Soles:
             contacts: feet in contact, (T, 2).
             reach: [m].
         """
-        return usable(self.height, contacts, reach)
+        return usable(np.ascontiguousarray(self.height), np.ascontiguousarray(contacts), reach)
 
 
 @lru_cache(maxsize=32)
