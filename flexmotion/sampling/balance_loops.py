@@ -122,6 +122,8 @@ def _within(point: Float, edge: Float, outward: Float, projections: int) -> bool
                 if beyond > most:
                     worst, most = k, beyond
             if worst < 0:
+                # What is not finite is nowhere.
+                outside = outside or not math.isfinite(x + y)
                 break
             outside = True
             point[row, 0] -= most * outward[0, worst]
