@@ -58,7 +58,7 @@ class SegmentMotion:
 
 
 def segment_motion(motion: Motion) -> SegmentMotion:
-    """Kinematics by MuJoCo, derivatives of segment positions and rotations by central differences.
+    """Forward kinematics, derivatives of segment positions and rotations by central differences.
 
     Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
     smoothly.
@@ -69,7 +69,7 @@ def segment_motion(motion: Motion) -> SegmentMotion:
 
 
 def segments_at_rest(motion: Motion, known: Mapping[str, Float] | None = None) -> SegmentMotion:
-    """The poses of a motion, each as if it were held: kinematics by MuJoCo, no acceleration.
+    """The poses of a motion, each as if it were held: forward kinematics, no acceleration.
 
     Args:
         known: `named_arrays` of `AT_REST` of these frames, where they are known.

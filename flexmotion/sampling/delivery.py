@@ -235,8 +235,9 @@ def _balanced(
     lifted = seen.needs.shifted(shift)
     if resting is not None:
         stays = resting.stands if stays is None else stays | resting.stands
-        away = np.pad(resting.shift, [(KNOWN, 0), (0, 0), (0, 0)])
-        soles = replace(soles, points=soles.points + away[:, :, None])
+        points = soles.points.copy()
+        points[KNOWN:] += resting.shift[:, :, None]
+        soles = replace(soles, points=points)
     bounds, kept = soles.bounds(seen.usable), _staying(seen.usable, stays)
     level = np.zeros_like(shift)
     level[:, :2] = horizontal_shift(lifted, bounds, kept, settings, stands=resting is not None, walks=goes_on)
