@@ -9,8 +9,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
+
+from flexmotion.biomechanics.motion_loops import differences
 
 Float = NDArray[np.float64]
 
@@ -20,10 +21,6 @@ SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
 *Generation of finite difference formulas on arbitrarily spaced grids*, Math. Comp. 51(184), 1988, table 1)."""
 
 _WEIGHTS = {1: FIRST, 2: SECOND}
-
-SHORT = 64
-"""Signals of so many frames or fewer are multiplied by a matrix: of a window and the frames before it (46) that takes
-a third of the time for 20 rotations, a tenth for 4 places; of 200 frames it takes longer."""
 
 HALF = len(FIRST) // 2
 EDGE = 2 * HALF
@@ -41,17 +38,27 @@ def second_derivative(signal: Float, fps: float) -> Float:
 
 
 def _differences(order: int, signal: Float) -> Float:
-    frames = len(signal)
-    if not 3 <= frames <= SHORT:
-        return _apply(_WEIGHTS[order], signal)
-    found: Float = _matrix(order, frames) @ np.asarray(signal, np.float64).reshape(frames, -1)
-    return found.reshape(signal.shape)
+    rows = np.ascontiguousarray(signal, np.float64).reshape(len(signal), -1)
+    return differences(neighbour_weights(order, len(signal)), rows).reshape(signal.shape)
 
 
 @lru_cache(maxsize=32)
-def _matrix(order: int, frames: int) -> Float:
-    """`_apply` as a matrix, (T, T)."""
-    return _apply(_WEIGHTS[order], np.eye(frames))
+def neighbour_weights(order: int, frames: int) -> Float:
+    """Weights of the neighbours of each frame in the derivative of an order, for a step of 1, (T, 7 or T if less).
+
+    Neighbours are the frames around one; of the first and the last three frames, the first and the last seven.
+    """
+    # Rows between those of the ends are alike.
+    short = min(frames, 2 * len(FIRST))
+    whole = _apply(_WEIGHTS[order], np.eye(short))
+    width = min(short, len(FIRST))
+    found = np.zeros((short, width))
+    for row in range(short):
+        first = min(max(row - width // 2, 0), short - width)
+        found[row] = whole[row, first : first + width]
+    return np.concatenate(
+        [found[: short // 2], *[found[short // 2 : short // 2 + 1]] * (frames - short), found[short // 2 :]]
+    )
 
 
 def _apply(weights: Float, signal: Float) -> Float:
@@ -60,12 +67,7 @@ def _apply(weights: Float, signal: Float) -> Float:
     if frames < 3:
         signal = np.concatenate([signal, np.repeat(signal[-1:], 3 - frames, axis=0)])
     padded = np.concatenate([_continued(signal[:3][::-1])[::-1], signal, _continued(signal[-3:])])
-    rows = np.ascontiguousarray(padded, np.float64).reshape(len(padded), -1)
-    # Views of seven neighbours each, one product a frame: several times as fast as scipy's filter of the first axis.
-    strides = (rows.strides[0], *rows.strides)
-    neighbours = as_strided(rows, (frames, len(weights), rows.shape[1]), strides, writeable=False)
-    found: Float = (weights @ neighbours).reshape(frames, *signal.shape[1:])
-    return found
+    return np.asarray(sum(weight * padded[lag : lag + frames] for lag, weight in enumerate(weights)))
 
 
 def _continued(last: Float) -> Float:

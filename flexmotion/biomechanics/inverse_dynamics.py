@@ -11,15 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
+from flexmotion.biomechanics.motion_loops import torques, whole_efforts
+from flexmotion.biomechanics.segment_motion import SegmentMotion, hinge_index
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
-from flexmotion.human.skeleton import DOF_COUNT, SIDES
+from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import cross
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -52,15 +54,15 @@ def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = 
     return Effort(force, cross(segments.com, force) + segments.angular_momentum_rate)
 
 
-def whole_effort(segments: SegmentMotion) -> Float:
-    """Total force, and moment about the world's origin, that move all masses, (T, 6) [N, N·m]; less than `effort`."""
-    force = _forces(segments)
-    found, about = np.empty((len(segments), 6)), segments.com.swapaxes(1, 2) @ force  # sums of c fᵀ, (T, 3, 3)
-    found[:, :3], found[:, 3:] = _summed(force), _summed(segments.angular_momentum_rate)
-    for axis in range(3):
-        one, other = (axis + 1) % 3, (axis + 2) % 3
-        found[:, 3 + axis] += about[:, one, other] - about[:, other, one]
-    return found
+def whole_effort(segments: SegmentMotion) -> tuple[Float, Float, Float]:
+    """Total force, and moment about the world's origin, that move all masses, over their mass; and their centre.
+
+    Returns:
+        (T, 3) each [m/s², m²/s², m].
+    """
+    own = np.ascontiguousarray
+    rate = own(segments.angular_momentum_rate)
+    return whole_efforts(segments.mass, own(segments.com), own(segments.acceleration), rate, GRAVITY)
 
 
 def _forces(segments: SegmentMotion) -> Float:
@@ -90,25 +92,28 @@ def joint_torques(
         points: reference points of those moments, (T, 2, 3) [m].
         loads: external forces.
     """
-    needed = effort(segments, body, loads)
-    force, moment = needed.force.copy(), needed.moment.copy()
-    index = human_model(body).body_index
-    for side, name in enumerate(SIDES):
-        ground = wrenches[:, side]
-        foot = index[f"calcaneus_{name}"]
-        force[:, foot] -= ground[:, :3]
-        moment[:, foot] -= cross(points[:, side], ground[:, :3]) + ground[:, 3:]
+    human, force, own = human_model(body), _forces(segments), np.ascontiguousarray
+    for load in loads:
+        force[:, human.body_index[load.segment]] -= load.force
+    return torques(
+        human.segments.parent,
+        own(force),
+        own(segments.com),
+        own(segments.angular_momentum_rate),
+        own(segments.anchor),
+        own(segments.axis),
+        own(segments.position),
+        own(segments.rotation),
+        *_loaded(body),
+        human.body_index["pelvis"],
+        own(wrenches),
+        own(points),
+    )
 
-    carries = carried(body)
-    both = carries @ np.concatenate([force, moment], axis=-1)
-    joint_force = both[..., :3]
-    joint_moment = both[..., 3:] - cross(segments.anchor, joint_force)
 
-    torques = np.empty((len(segments), DOF_COUNT))
-    pelvis = index["pelvis"]
-    total = _summed(force)
-    torques[:, :3] = total
-    about_pelvis = _summed(moment) - cross(segments.position[:, pelvis], total)
-    torques[:, 3:6] = np.einsum("tji,tj->ti", segments.rotation[:, pelvis], about_pelvis)
-    torques[:, 6:] = np.einsum("tji,tji->tj", segments.axis, joint_moment)
-    return torques
+@lru_cache(maxsize=32)
+def _loaded(body: Body) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Segments that the hinges move, (26,), and those of left and right foot, (2,)."""
+    human = human_model(body)
+    bearers = human.model.jnt_bodyid[hinge_index(body)].astype(np.int64)
+    return bearers, np.array([human.body_index[f"calcaneus_{side}"] for side in SIDES], np.int64)

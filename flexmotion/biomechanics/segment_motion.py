@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.differentiation import derivative, second_derivative
+from flexmotion.biomechanics.differentiation import neighbour_weights
+from flexmotion.biomechanics.motion_loops import derive
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
 from flexmotion.human.kinematics import named_arrays
@@ -57,21 +58,18 @@ class SegmentMotion:
 
 
 def segment_motion(motion: Motion) -> SegmentMotion:
-    """Kinematics by MuJoCo, derivatives of segment positions and rotations by central differences.
+    """Forward kinematics, derivatives of segment positions and rotations by central differences.
 
     Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
     smoothly.
     """
-    still, inertia = segments_at_rest(motion), human_model(motion.body).model.body_inertia
-    return replace(
-        still,
-        acceleration=second_derivative(still.com, motion.fps),
-        angular_momentum_rate=_angular_momentum_rate(inertia, still.rotation, motion.fps),
-    )
+    found = segments_at_rest(motion)
+    _derive(found, motion, _every(motion.body))
+    return found
 
 
 def segments_at_rest(motion: Motion, known: Mapping[str, Float] | None = None) -> SegmentMotion:
-    """The poses of a motion, each as if it were held: kinematics by MuJoCo, no acceleration.
+    """The poses of a motion, each as if it were held: forward kinematics, no acceleration.
 
     Args:
         known: `named_arrays` of `AT_REST` of these frames, where they are known.
@@ -99,26 +97,37 @@ def moved_by(joints: NDArray[np.bool_], segments: SegmentMotion, motion: Motion)
         segments: as they were, (T, ...), with their derivatives.
         motion: the last of those frames as they became; its root is where it was.
     """
-    still, first, fps = segments_at_rest(motion), len(segments) - len(motion), motion.fps
+    still, first = segments_at_rest(motion), len(segments) - len(motion)
     now = {name: np.concatenate([getattr(segments, name)[:first], getattr(still, name)]) for name in _POSES}
     moved = np.flatnonzero(carried(motion.body)[joints].any(axis=0))
-    acceleration, rate = segments.acceleration.copy(), segments.angular_momentum_rate.copy()
-    acceleration[:, moved] = second_derivative(now["com"][:, moved], fps)
-    inertia = human_model(motion.body).model.body_inertia[moved]
-    rate[:, moved] = _angular_momentum_rate(inertia, now["rotation"][:, moved], fps)
-    return replace(segments, **now, acceleration=acceleration, angular_momentum_rate=rate)
+    found = replace(
+        segments,
+        **now,
+        acceleration=segments.acceleration.copy(),
+        angular_momentum_rate=segments.angular_momentum_rate.copy(),
+    )
+    _derive(found, motion, moved)
+    return found
 
 
-def _angular_momentum_rate(inertia: Float, rotation: Float, fps: float) -> Float:
-    """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3); `inertia`: their diagonals, (B, 3)."""
-    # Coordinates first in memory, frames and segments last: a fifth of the time of a product for each of them.
-    own, rate = (np.ascontiguousarray(array.transpose(2, 3, 0, 1)) for array in (rotation, derivative(rotation, fps)))
-    spin = np.einsum("ji...,jk...->ik...", own, rate)
-    # The antisymmetric part, in the segments' axes: finite differences are not exactly skew-symmetric.
-    local = np.stack([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
-    local *= 0.5 * inertia.T[:, None]
-    momentum = np.einsum("ij...,j...->i...", own, local)
-    return derivative(np.ascontiguousarray(momentum.transpose(1, 2, 0)), fps)
+def _derive(segments: SegmentMotion, motion: Motion, which: NDArray[np.intp]) -> None:
+    """Write the derivatives of some segments."""
+    derive(
+        neighbour_weights(1, len(segments)),
+        neighbour_weights(2, len(segments)),
+        human_model(motion.body).model.body_inertia,
+        segments.com,
+        segments.rotation,
+        which,
+        segments.acceleration,
+        segments.angular_momentum_rate,
+        motion.fps,
+    )
+
+
+@lru_cache(maxsize=32)
+def _every(body: Body) -> NDArray[np.intp]:
+    return np.arange(human_model(body).model.nbody)
 
 
 @lru_cache(maxsize=32)

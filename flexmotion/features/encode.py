@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import SamplingError
-from flexmotion.features.heading_frame import turned, yaw_matrix
-from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
+from flexmotion.features.feature_columns import columns_of
+from flexmotion.features.feature_loops import Scale, encoded
+from flexmotion.features.heading_frame import turned
 from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
@@ -52,25 +53,20 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     if not len(motion):
         return features
     leg, blocks = motion.body.leg, layout.blocks
-    points, pelvis = _points_and_pelvis(motion)
-    yaw = continuous_matrix_heading(pelvis)
-    below = motion.root_position * [1.0, 1.0, 0.0]
-    velocity = _backward(points, motion.fps)
-    acceleration = _backward(velocity, motion.fps)
-
-    root = features[:, blocks["root"]]
-    # Displacement since the last frame in the heading of that frame: its sum is exactly the path.
-    root[:, :2] = turned(_backward(below, motion.fps), -_before(yaw))[:, :2] / leg
-    root[:, 2] = _backward(yaw, motion.fps)
-    root[:, 3] = motion.root_position[:, 2] / leg
-
-    tilt = yaw_matrix(-yaw) @ pelvis
-    balls = six(ball_matrices(motion.joints)).reshape(len(motion), -1)
-    features[:, blocks["rotations"]] = np.concatenate([six(tilt), balls, motion.joints[:, HINGE_COLUMNS]], axis=1)
-    ahead = turned(np.stack([points - below[:, None], velocity, acceleration], axis=1), -yaw) / leg
-    for number, block in enumerate(("positions", "velocities", "accelerations")):
-        features[:, blocks[block]] = _flat(ahead[:, number])
+    bodies, matrices, sites = frame_arrays(motion, "xpos", "xmat", "site_xpos")
     weight = motion.body.mass * GRAVITY
+    points, yaw = encoded(
+        bodies,
+        sites,
+        matrices.reshape(*bodies.shape, 3),
+        np.ascontiguousarray(motion.root_position, np.float64),
+        np.ascontiguousarray(motion.joints, np.float64),
+        *_places(motion.body),
+        columns_of(layout),
+        # Differences are over the steps of the motion.
+        Scale(motion.fps, leg, weight, 0.0),
+        features,
+    )
     if motion.torques is not None:
         features[:, blocks["torques"]] = motion.torques[:, -len(JOINTS) :] / (weight * leg)
     if motion.wrenches is not None:
@@ -92,16 +88,9 @@ def encode_loads(loads: Float, motion: Motion) -> NDArray[np.float16]:
     return (turned(loads, -yaw) / (motion.body.mass * GRAVITY)).astype(np.float16)
 
 
-def _points_and_pelvis(motion: Motion) -> tuple[Float, Float]:
-    """`body_points` of a motion, and rotations of its pelvis, (T, 3, 3); less than `forward`."""
-    bodies, matrices, sites = frame_arrays(motion, "xpos", "xmat", "site_xpos")
-    pelvis = matrices[:, human_model(motion.body).body_index["pelvis"]].reshape(-1, 3, 3)
-    return np.concatenate([bodies, sites], axis=1)[:, _places(motion.body)], pelvis
-
-
 @lru_cache(maxsize=8)
-def _places(body: Body) -> NDArray[np.intp]:
-    """Where each of `layout.POINTS` is among the bodies of the model, and the sites after them."""
+def _places(body: Body) -> tuple[NDArray[np.int64], int]:
+    """Where each of `layout.POINTS` is among the bodies of the model, and the sites after them; and the pelvis."""
     human, found = human_model(body), []
     for name in POINTS:
         point, side = name.rsplit("_", 1)
@@ -109,7 +98,7 @@ def _places(body: Body) -> NDArray[np.intp]:
             found.append(human.body_index[f"{SIDED_BODIES[point]}_{side}"])
         else:
             found.append(human.model.nbody + human.site_index[name])
-    return np.array(found, np.intp)
+    return np.array(found, np.int64), human.body_index["pelvis"]
 
 
 def body_points(human: HumanKinematics) -> Float:
@@ -129,21 +118,6 @@ def _ankle_wrenches(
     moment = moment + cross(centres - ankles, force)
     both = np.stack([turned(force, -yaw) / weight, turned(moment, -yaw) / (weight * leg)], axis=2)
     return both.reshape(len(both), -1)
-
-
-def _before(signal: Float) -> Float:
-    """The value of the frame before; of the first frame its own."""
-    return np.concatenate([signal[:1], signal[:-1]])
-
-
-def _backward(signal: Float, fps: float) -> Float:
-    """Backward difference [signal/s]; of the first frame that of the second, of a single frame zero."""
-    difference = np.zeros_like(signal)
-    np.subtract(signal[1:], signal[:-1], out=difference[1:])
-    difference *= fps
-    if len(signal) > 1:
-        difference[0] = difference[1]
-    return difference
 
 
 def _flat(vectors: Float) -> Float:

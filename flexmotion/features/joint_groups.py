@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.features import feature_loops
+from flexmotion.features.feature_loops import orthonormal
 from flexmotion.human.human_model import AXES, MIRRORED
 from flexmotion.human.skeleton import JOINTS, SIDES
-from flexmotion.human.vectors import cross
 
 Float = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 BALLS: tuple[tuple[str, ...], ...] = (
     ("lumbar_extension", "lumbar_bending", "lumbar_rotation"),
@@ -60,18 +60,7 @@ def six(matrix: Float) -> Float:
 
 def matrix(columns: Float) -> Float:
     """Rotation matrices from two columns by Gram-Schmidt orthonormalisation, (..., 6) -> (..., 3, 3)."""
-    first, second = columns[..., :3], columns[..., 3:]
-    found = np.empty((*first.shape, 3))
-    found[..., 0] = x = first / np.maximum(_length(first), 1e-8)
-    y = second - np.einsum("...i,...i->...", x, second)[..., None] * x
-    found[..., 1] = y = y / np.maximum(_length(y), 1e-8)
-    found[..., 2] = cross(x, y)
-    return found
-
-
-def _length(vectors: Float) -> Float:
-    found: Float = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
-    return found
+    return orthonormal(_rows(columns)).reshape(*columns.shape[:-1], 3, 3)
 
 
 def ball_matrices(joints: Float, balls: Sequence[int] = ALL_BALLS) -> Float:
@@ -82,15 +71,8 @@ def ball_matrices(joints: Float, balls: Sequence[int] = ALL_BALLS) -> Float:
         balls: numbers of the K wanted ones among `BALLS`; the rotations are then (..., K, 3, 3).
     """
     own = list(balls)
-    angles = joints[..., BALL_COLUMNS[own]] * BALL_SIGNS[own]
-    cosine, sine = np.cos(angles), np.sin(angles)
-    a, b, c, sa, sb, sc = *(cosine[..., axis] for axis in range(3)), *(sine[..., axis] for axis in range(3))
-    found = np.empty((*a.shape, 3, 3))  # Ry(a) Rx(b) Rz(c)
-    tilted, turned = sa * sb, a * sb
-    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = a * c + tilted * sc, tilted * c - a * sc, sa * b
-    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = b * sc, b * c, -sb
-    found[..., 2, 0], found[..., 2, 1], found[..., 2, 2] = turned * sc - sa * c, sa * sc + turned * c, a * b
-    return found
+    found = feature_loops.ball_matrices(_rows(joints), BALL_COLUMNS[own], BALL_SIGNS[own])
+    return found.reshape(*joints.shape[:-1], len(own), 3, 3)
 
 
 def ball_angles(matrices: Float, start: Float, balls: Sequence[int] = ALL_BALLS) -> Float:
@@ -104,43 +86,10 @@ def ball_angles(matrices: Float, start: Float, balls: Sequence[int] = ALL_BALLS)
         start: angles of the frame before the first, (6, 3) [rad].
         balls: numbers of the K joints among `BALLS` that the others' arrays are of, (T, K, 3, 3) and (K, 3).
     """
-    signs, turn = BALL_SIGNS[list(balls)], 2 * np.pi
-    begin = start * signs
-    first = np.arctan2(matrices[..., 0, 2], matrices[..., 2, 2])
-    cosine, sine = np.cos(first), np.sin(first)
-    # The last angle given the first: near gimbal lock each alone is noise, their combination is not.
-    row = cosine[..., None] * matrices[..., 0, :] - sine[..., None] * matrices[..., 2, :]
-    candidates = np.empty((len(first), 2, *begin.shape))  # the first one with a second angle below a right angle
-    near, other = candidates[:, 0], candidates[:, 1]
-    near[..., 0] = first
-    near[..., 1] = np.arctan2(-matrices[..., 1, 2], sine * matrices[..., 0, 2] + cosine * matrices[..., 2, 2])
-    near[..., 2] = np.arctan2(-row[..., 1], row[..., 0])
-    np.add(near, np.pi, out=other)
-    np.subtract(np.pi, near[..., 1], out=other[..., 1])
-    # Which solution is nearer depends on which one was taken before, not on its whole turns: both cases, all frames.
-    before = np.empty_like(candidates)
-    before[:1], before[1:] = begin, candidates[:-1]
-    away = candidates[:, None] - before[:, :, None]  # (T, 2 before, 2 now, K, 3)
-    away -= turn * np.round(away / turn)
-    distance = np.einsum("...i,...i->...", away, away)
-    angles = np.where(_followed(distance[:, :, 1] < distance[:, :, 0])[..., None], other, near)
-    before = np.concatenate([begin[None], angles[:-1]])
-    return (angles - turn * np.cumsum(np.round((angles - before) / turn), axis=0)) * signs
+    begin = np.ascontiguousarray(start, np.float64)
+    return feature_loops.ball_angles(np.ascontiguousarray(matrices, np.float64), begin, BALL_SIGNS[list(balls)])
 
 
-def _followed(other: Flags) -> Flags:
-    """Which of two solutions is taken in each frame, True for the other one, (T, K).
-
-    Args:
-        other: whether the other one is nearer, by the solution that was taken before, (T, 2, K); both alike at first.
-    """
-    after_near, after_other = other[:, 0], other[:, 1]
-    if not after_near.any():
-        return after_near
-    # A frame tells its solution by itself, or keeps or changes that of the frame before: the last one that told counts,
-    # and the changes since then.
-    tells = after_near == after_other
-    last = np.maximum.accumulate(np.where(tells, np.arange(len(other))[:, None], 0), axis=0)
-    changes = np.logical_xor.accumulate(after_near & ~tells, axis=0)
-    told, before = np.take_along_axis(after_near, last, axis=0), np.take_along_axis(changes, last, axis=0)
-    return np.asarray(told ^ changes ^ before)
+def _rows(values: Float) -> Float:
+    """Values with all axes but the last as one, in memory one after the other."""
+    return np.ascontiguousarray(values, np.float64).reshape(-1, values.shape[-1])

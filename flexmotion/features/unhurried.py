@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.features.joint_groups import BALLS, PELVIS_SIZE, matrix, six
+from flexmotion.features.feature_loops import turns
+from flexmotion.features.joint_groups import BALLS, PELVIS_SIZE, six
 from flexmotion.features.layout import Layout
 from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
 
@@ -25,6 +26,7 @@ SPIN = 1.4
 """A shoulder as a whole, its turn about the upper arm included, may turn this much faster (waves 7.3, raises 7.4)."""
 
 SHOULDERS = tuple(number for number, ball in enumerate(BALLS) if ball[0].startswith("shoulder"))
+"""Their numbers among `BALLS`, one after the other."""
 
 
 def unhurried(frames: Float32, history: Float32, layout: Layout, fastest: float) -> Float32:
@@ -44,11 +46,9 @@ def unhurried(frames: Float32, history: Float32, layout: Layout, fastest: float)
         return frames
     first = layout.blocks["rotations"].start + PELVIS_SIZE
     columns = [slice(first + 6 * ball, first + 6 * ball + 6) for ball in SHOULDERS]
-    known = np.concatenate([history[-2:], frames])
-    turned = matrix(np.stack([known[:, own] for own in columns]).astype(np.float64))
-    # Cosines of the turns from each frame to the next: of each axis, of which the third is along the upper arm.
-    cosines = np.einsum("stij,stij->stj", turned[:, :-1], turned[:, 1:])
-    whole, arm = 0.5 * (cosines.sum(axis=-1) - 1.0), cosines[..., 2]
+    both = slice(columns[0].start, columns[-1].stop)
+    # The third axis is along the upper arm.
+    turned, arm, whole = turns(np.concatenate([history[-2:, both], frames[:, both]], dtype=np.float64))
     most = fastest / layout.fps
     if (arm[:, 1:] >= np.cos(most)).all() and (whole[:, 1:] >= np.cos(SPIN * most)).all():
         return frames

@@ -33,7 +33,7 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
         values = [getattr(part, name) for part in parts if len(part)]
         whole = bool(values) and all(value is not None for value in values)
         optional[name] = np.concatenate(values) if whole else None
-    return first.changed(
+    return first.trusted(
         root_position=np.concatenate([part.root_position for part in parts]),
         root_quaternion=np.concatenate(quaternions),
         joints=np.concatenate([part.joints for part in parts]),

@@ -8,7 +8,6 @@ Masses of foot and forearm are lumped: the foot on the calcaneus, half of the fo
 from __future__ import annotations
 
 import math
-import threading
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.human.body import Body, Inertia
 from flexmotion.human.motion import Motion
+from flexmotion.human.pose_loops import Segments
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEG_JOINTS, SIDES
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -91,6 +91,28 @@ class HumanModel:
         return {self.model.body(i).name: i for i in range(self.model.nbody)}
 
     @cached_property
+    def segments(self) -> Segments:
+        """What forward kinematics need of it."""
+        model = self.model
+        turn = np.empty((model.nbody, 9))
+        for body in range(model.nbody):
+            mujoco.mju_quat2Mat(turn[body], model.body_quat[body])
+        names = [model.joint(joint).name for joint in range(model.njnt)]
+        return Segments(
+            parent=model.body_parentid.astype(np.int64),
+            offset=model.body_pos.copy(),
+            turn=turn.reshape(-1, 3, 3),
+            centre=model.body_ipos.copy(),
+            first=model.body_jntadr.astype(np.int64),
+            hinged=model.body_jntnum.astype(np.int64),
+            columns=np.array([JOINTS.index(name) if name in JOINTS else -1 for name in names], np.int64),
+            anchor=model.jnt_pos.copy(),
+            axis=model.jnt_axis.copy(),
+            bearer=model.site_bodyid.astype(np.int64),
+            sites=model.site_pos.copy(),
+        )
+
+    @cached_property
     def site_index(self) -> dict[str, int]:
         """Index of every site by name."""
         return {self.model.site(i).name: i for i in range(self.model.nsite)}
@@ -108,16 +130,6 @@ class HumanModel:
 def human_model(body: Body) -> HumanModel:
     """The model of a human, compiled once per body."""
     return HumanModel(body, human_spec(body).compile())
-
-
-def scratch(body: Body) -> mujoco.MjData:
-    """State of a human's model for the calling thread to overwrite: making it costs as much as a second of motion."""
-    return _scratch(body, threading.get_ident())
-
-
-@lru_cache(maxsize=32)
-def _scratch(body: Body, thread: int) -> mujoco.MjData:
-    return mujoco.MjData(human_model(body).model)
 
 
 def human_spec(body: Body) -> mujoco.MjSpec:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.human.human_model import HumanModel, human_model, scratch
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import HumanModel, human_model
 from flexmotion.human.motion import Motion
+from flexmotion.human.pose_loops import poses
 from flexmotion.human.skeleton import SIDES
 
 Float = NDArray[np.float64]
@@ -27,8 +29,10 @@ SIDED_BODIES = {
 
 SIDED_SITES = ("heel", "toe", "hand")
 
+STATE = ("xpos", "xipos", "xmat", "xanchor", "xaxis", "site_xpos")
+"""Arrays of MuJoCo's state that `frame_arrays` makes."""
 FORWARD = ("xpos", "xipos", "xmat", "site_xpos")
-"""Arrays of MuJoCo's state that `forward` is made of."""
+"""Those that `forward` is made of."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ class HumanKinematics:
 
 
 def forward(motion: Motion, known: Mapping[str, Float] | None = None) -> HumanKinematics:
-    """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body.
+    """Kinematics of every frame of a motion, by forward kinematics on the model of its body.
 
     Args:
         known: `named_arrays` of `FORWARD` of these frames, where they are known.
@@ -99,9 +103,8 @@ def forward(motion: Motion, known: Mapping[str, Float] | None = None) -> HumanKi
 
 def foot_points(motion: Motion) -> Float:
     """Heel and toe of both feet in every frame, (T, 2, 2, 3) [m]: left and right, heel and toe; less than `forward`."""
-    site = human_model(motion.body).site_index
-    (sites,) = frame_arrays(motion, "site_xpos")
-    return sites[:, [[site[f"{name}_{side}"] for name in ("heel", "toe")] for side in SIDES]]
+    sites, needed = _feet(motion.body)
+    return _state(motion, needed)[-1].take(sites, axis=1)
 
 
 def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
@@ -109,19 +112,43 @@ def frame_arrays(motion: Motion, *names: str) -> tuple[Float, ...]:
 
     Args:
         motion: of the human.
-        names: of attributes of `MjData`, such as `xpos`, (B, 3) [m], and `xmat`, (B, 9).
+        names: of `STATE`, such as `xpos`, (B, 3) [m], and `xmat`, (B, 9).
+
+    Raises:
+        ValueError: another name.
     """
-    human = human_model(motion.body)
-    model, data, qpos = human.model, scratch(motion.body), human.qpos(motion)
-    # Views into the MjData, looked up once: attribute access costs as much as the kinematics.
-    state, views = data.qpos, [getattr(data, name) for name in names]
-    found = tuple(np.empty((len(motion), *view.shape)) for view in views)
-    for frame, pose in enumerate(qpos):
-        state[:] = pose
-        mujoco.mj_kinematics(model, data)
-        for array, view in zip(found, views, strict=True):
-            array[frame] = view
-    return found
+    unknown = [name for name in names if name not in STATE]
+    if unknown:
+        raise ValueError(f"no arrays {', '.join(unknown)}, expected some of {', '.join(STATE)}")
+    state = _state(motion, _all(motion.body))
+    return tuple(state[STATE.index(name)] for name in names)
+
+
+def _state(motion: Motion, needed: NDArray[np.bool_]) -> tuple[Float, ...]:
+    """The arrays of `STATE`, of the needed segments."""
+    position, quaternion, joints = (
+        np.ascontiguousarray(value, np.float64)
+        for value in (motion.root_position, motion.root_quaternion, motion.joints)
+    )
+    return poses(human_model(motion.body).segments, position, quaternion, joints, needed)
+
+
+@lru_cache(maxsize=32)
+def _all(body: Body) -> NDArray[np.bool_]:
+    return np.ones(human_model(body).model.nbody, np.bool_)
+
+
+@lru_cache(maxsize=32)
+def _feet(body: Body) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Sites of heel and toe of both feet, (2, 2), and segments that they need, (B,)."""
+    human = human_model(body)
+    sites = np.array([[human.site_index[f"{name}_{side}"] for name in ("heel", "toe")] for side in SIDES])
+    needed = np.zeros_like(_all(body))
+    for segment in human.model.site_bodyid[sites.ravel()]:
+        while segment:
+            needed[segment] = True
+            segment = human.model.body_parentid[segment]
+    return sites, needed
 
 
 def named_arrays(motion: Motion, names: Sequence[str]) -> dict[str, Float]:

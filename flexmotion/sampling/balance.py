@@ -32,8 +32,8 @@ from scipy.linalg.lapack import dposv
 
 from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
-from flexmotion.human.vectors import cross
-from flexmotion.sampling.soles import NOWHERE, OUTWARD
+from flexmotion.sampling.balance_loops import Ends, Frames, Limits, brought, heights, places, shifted
+from flexmotion.sampling.soles import DIRECTIONS, NOWHERE, OUTWARD
 from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -83,8 +83,6 @@ RELAXED = 1.6
 FASTEST = 4.0
 """Greatest speed of the shift [m/s]: a request that no ground can satisfy moves the body no faster."""
 
-_NORMALS = np.ascontiguousarray(OUTWARD.T)
-
 MOSTLY = 0.5
 """A body stands on a region of which more than this share stays."""
 
@@ -93,6 +91,11 @@ CALM = 3
 
 PROJECTIONS = 2
 """Half-planes that a point is brought behind, the farthest first, in one iteration."""
+
+NOTHING = Ends(False, 0.0, CALM, 1.0, np.zeros(2), np.zeros(DIRECTIONS), 0.0)
+"""Nothing is asked of the capture point."""
+
+_NO_SHARES = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -120,10 +123,12 @@ class Needs:
 
     def shifted(self, shift: Float) -> Needs:
         """The needs of the motion shifted by (N, 3) [m]."""
+        own = np.ascontiguousarray
         more = acceleration(shift, self.fps)
-        force = self.force + more
-        moment = self.moment + cross(self.centre + shift, more) + cross(shift, self.force)
-        return replace(self, root=self.root + shift, force=force, moment=moment, centre=self.centre + shift)
+        root, force, moment, centre = shifted(
+            own(shift), more, own(self.root), own(self.force), own(self.moment), own(self.centre)
+        )
+        return Needs(self.known, self.fps, root, self.planned, force, moment, centre)
 
 
 def acceleration(shift: Float, fps: float) -> Float:
@@ -141,24 +146,19 @@ def vertical_shift(needs: Needs, borne: Flags, settings: Balance = BALANCE) -> F
         settings: weights.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
-    least = np.where(borne, settings.least * GRAVITY, 0.0)[terms.rows]
-    most = np.where(borne[terms.rows], np.inf, 0.0)
-    base = needs.force[terms.rows, 2]
-    start = terms.wanted(needs, 2)
-    rows, inverse = terms.second[terms.rows], terms.height_inverse
-    shift = terms.height_free @ start
-    force = base + rows @ shift
-    if ((force < least) | (force > most)).any():
-        gain = settings.ease * inverse @ rows.T
-        centred, answer = base + rows @ (inverse @ start), rows @ gain
-        given, left = np.clip(force, least, most), np.zeros_like(force)
-        for _ in range(settings.rounds):
-            force = centred + answer @ (given - left - base)
-            ahead = RELAXED * force + (1.0 - RELAXED) * given
-            given = np.clip(ahead + left, least, most)
-            left = left + ahead - given
-        shift = inverse @ start + gain @ (given - left - base)
-    return _whole(_slowed(shift[:, None], needs.fps), needs)[:, 0]
+    start = terms.wanted(needs, slice(2, 3))
+    return heights(
+        terms.height_inverse @ start,
+        terms.height_free @ start,
+        needs.force[terms.rows, 2].copy(),
+        terms.constrained,
+        terms.height_gain,
+        terms.height_answer,
+        np.ascontiguousarray(borne[terms.rows]),
+        settings.least * GRAVITY,
+        needs.known,
+        _limits(settings, needs.fps),
+    )[:, 0]
 
 
 def horizontal_shift(
@@ -183,82 +183,48 @@ def horizontal_shift(
         walks: how it goes on over a region that stays. None: no place is asked of its capture point.
     """
     terms = _terms(len(needs.root), needs.known, needs.fps, settings)
-    lift = needs.force[terms.rows, 2]
-    borne = (lift > LIGHT * GRAVITY) & (bounds[terms.rows, 0] > NOWHERE / 2)
-    rows, lift = terms.rows[borne], lift[borne, None]
     stands = stands and stays is not None and bool(stays[-2] > MOSTLY and bounds[-2, 0] > NOWHERE / 2)
     margin = settings.standing_margin if stands else settings.margin
-    edge = bounds[rows] - margin
-    base = needs.moment[rows][:, [1, 0]] * [-1.0, 1.0] / lift
-    lever = needs.centre[rows, 2:] / lift
-    moved = -lever * terms.second[rows]
-    if stays is not None:
-        moved += stays[rows, None] * np.eye(len(needs.root))[rows, needs.known :]
-    # An error of the zero-moment point counts as the acceleration that makes up for it.
-    weight = settings.ease / lever[:, 0] ** 2
+    frames = Frames(needs.known, terms.rows.start, LIGHT * GRAVITY, NOWHERE / 2, margin, settings.ease, OUTWARD)
+    ends = NOTHING
     if stands or walks is not None:
-        frequency = np.sqrt(GRAVITY / needs.centre[-1, 2])
-        capture = _capture(needs.fps, frequency, len(needs.root))
-        ends, region = capture @ needs.centre[:, :2], bounds[-2:-1] - margin
-        if walks is not None:
-            ends, region = ends - walks.velocity / frequency, (walks.place @ OUTWARD)[None]
-        elif stays is not None:
+        frequency = float(np.sqrt(GRAVITY / needs.centre[-1, 2]))
+        ends = Ends(
+            asked=True,
+            ahead=needs.fps / (CALM * frequency),
+            calm=CALM,
             # The last frame has no zero-moment point of its own, nor a region that was judged.
-            capture[0, -1] -= 1.0 - stays[-2]
-        base, edge = np.concatenate([base, ends]), np.concatenate([edge, region])
-        moved = np.concatenate([moved, capture[:, needs.known :]])
-        weight = np.append(weight, settings.capture * settings.ease * frequency**4)
-    start = terms.wanted(needs, slice(2))
-    shift = terms.place_free @ start
-    point = base + moved @ shift
-    given = _within(point, edge)
-    if (given != point).any():
-        weighted = moved.T * weight
-        # Positive definite as the sum of squares that it is.
-        _, solved, failed = dposv(terms.place + weighted @ moved, np.concatenate([start, weighted], axis=1))
-        if failed:
-            raise np.linalg.LinAlgError("the balance of a window has no solution: its motion is not finite")
-        first, gain = solved[:, :2], np.ascontiguousarray(solved[:, 2:])
-        answer = moved @ gain
-        centred, left = base + moved @ first - answer @ base, np.zeros_like(point)
-        for _ in range(settings.rounds):
-            ahead = RELAXED * (centred + answer @ (given - left)) + (1.0 - RELAXED) * given + left
-            given = _within(ahead, edge)
-            left = ahead - given
-        shift = first + gain @ (given - left - base)
-    return _whole(_slowed(shift, needs.fps), needs)
+            stays=1.0 if walks is not None or stays is None else float(stays[-2]),
+            taken=NOTHING.taken if walks is None else walks.velocity / frequency,
+            bounds=bounds[-2] - margin if walks is None else walks.place @ OUTWARD,
+            weight=settings.capture * settings.ease * frequency**4,
+        )
+    start, limits, own = terms.wanted(needs, slice(2)), _limits(settings, needs.fps), np.ascontiguousarray
+    outside, free, base, moved, edge, given, hessian, right = places(
+        own(needs.force),
+        own(needs.moment),
+        own(needs.centre),
+        _NO_SHARES if stays is None else own(stays),
+        own(bounds),
+        terms.second,
+        terms.place,
+        start,
+        terms.place_free @ start,
+        frames,
+        ends,
+        limits,
+    )
+    if not outside:
+        return free
+    # Positive definite as the sum of squares that it is.
+    _, solved, failed = dposv(hessian, right.T, overwrite_b=True)
+    if failed:
+        raise np.linalg.LinAlgError("the balance of a window has no solution: its motion is not finite")
+    return brought(base, moved, edge, given, np.ascontiguousarray(solved.T), frames, limits)
 
 
-def _capture(fps: float, frequency: float, frames: int) -> Float:
-    """From the places of a centre of mass to its capture point in the last frame, x + ẋ/ω, (1, N)."""
-    found = np.zeros((1, frames))
-    speed = fps / (CALM * frequency)
-    found[0, -1], found[0, -1 - CALM] = 1.0 + speed, -speed
-    return found
-
-
-def _within(point: Float, edge: Float) -> Float:
-    """Points brought into regions that are bounded along `OUTWARD`, (R, 2)."""
-    first = np.arange(0, edge.size, edge.shape[1])
-    for _ in range(PROJECTIONS):
-        beyond = point @ OUTWARD - edge
-        worst = beyond.argmax(axis=1)
-        # `take` of flat places: half of the time of `beyond[every, worst]`.
-        point = point - np.maximum(beyond.take(first + worst), 0.0)[:, None] * _NORMALS.take(worst, axis=0)
-    return point
-
-
-def _slowed(shift: Float, fps: float) -> Float:
-    """A shift from rest, (M, K), scaled so that it is nowhere faster than `FASTEST`."""
-    steps = shift.copy()
-    steps[1:] -= shift[:-1]
-    speed = np.sqrt(np.einsum("ti,ti->t", steps, steps).max(initial=0.0)) * fps
-    return shift * min(1.0, FASTEST / max(speed, 1e-9))
-
-
-def _whole(shift: Float, needs: Needs) -> Float:
-    """With zeros for the known frames."""
-    return np.concatenate([np.zeros((needs.known, *shift.shape[1:])), shift])
+def _limits(settings: Balance, fps: float) -> Limits:
+    return Limits(RELAXED, settings.rounds, PROJECTIONS, FASTEST / fps)
 
 
 @dataclass(frozen=True)
@@ -272,9 +238,12 @@ class _Terms:
         stay: gradient of the same penalty, and of that of the jerk, by the root's path, (M, N).
         place: Hessian of the horizontal problem without constraints, (M, M), and its inverse `place_free`.
         height_free, height_inverse: inverse Hessians of the vertical problem without and with constraints, (M, M).
+        constrained: `second` of the R frames of `rows`, (R, M).
+        height_gain, height_answer: shift of the height by accelerations that the ground can give, (M, R), and
+            accelerations by these, (R, R).
     """
 
-    rows: NDArray[np.intp]
+    rows: slice
     second: Float
     follow: Float
     stay: Float
@@ -282,6 +251,9 @@ class _Terms:
     place_free: Float
     height_free: Float
     height_inverse: Float
+    constrained: Float
+    height_gain: Float
+    height_answer: Float
 
     def wanted(self, needs: Needs, axes: int | slice) -> Float:
         """Negative gradient of the objective at no shift, by one axis (M,) or several (M, K)."""
@@ -311,7 +283,10 @@ def _terms(frames: int, known: int, fps: float, settings: Balance) -> _Terms:
     shared = stay[:, known:]
     place = shared + (2.0 * np.pi * settings.slip) ** 2 * first.T @ first
     height = shared + (2.0 * np.pi * settings.floor) ** 4 * np.eye(unknown)
-    rows = np.arange(max(known - HALF, 0), frames - 1)
+    rows = slice(max(known - HALF, 0), frames - 1)
+    constrained = second[rows]
+    height_inverse = np.linalg.inv(height + settings.ease * constrained.T @ constrained)
+    height_gain = settings.ease * height_inverse @ constrained.T
     return _Terms(
         rows=rows,
         second=second,
@@ -320,5 +295,8 @@ def _terms(frames: int, known: int, fps: float, settings: Balance) -> _Terms:
         place=place,
         place_free=np.linalg.inv(place),
         height_free=np.linalg.inv(height),
-        height_inverse=np.linalg.inv(height + settings.ease * second[rows].T @ second[rows]),
+        height_inverse=height_inverse,
+        constrained=constrained,
+        height_gain=height_gain,
+        height_answer=constrained @ height_gain,
     )

@@ -34,7 +34,6 @@ from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.segment_motion import SegmentMotion, moved_by, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import REACH
-from flexmotion.human.body import Body
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
@@ -124,12 +123,14 @@ def delivered(
     contacts = np.concatenate([_contacts(known), window.contacts])
     segments = segment_motion(whole)
     soles = Soles.of(whole.body, segments)
-    if raises and (raised := _raised(window, whole, segments, soles, contacts, planned)) is not window:
+    root, planned = whole.root_position, np.concatenate([np.zeros((KNOWN, 3)), planned])
+    seen = _Seen.of(segments, soles, contacts, whole, planned)
+    if raises and (raised := _raised(window, soles, seen, whole.joints[KNOWN - 1])) is not window:
         segments = moved_by(np.asarray((raised.joints != window.joints).any(axis=0)), segments, raised)
         window, soles = raised, Soles.of(whole.body, segments)
-    shift, needs = _balanced(
-        whole, segments, soles, contacts, planned, stays, resting, settings, walks=walks, stops=stops
-    )
+        seen = _Seen.of(segments, soles, contacts, whole, planned)
+    goes_on = Walks.of(whole, segments, soles, KNOWN, stops=stops) if walks else None
+    shift, needs = _balanced(seen, soles, stays, resting, goes_on, settings)
     segments, soles = _moved(segments, shift, whole.fps), soles.moved(shift)
     window = _shifted(window, shift)
     finished = finish(window, _frames(segments, slice(KNOWN, None)))
@@ -138,17 +139,16 @@ def delivered(
         window = finished
         soles = Soles.of(whole.body, segments)
         # The forces do not depend on the path; that of a walk is shifted once more, from where it is now.
-        whole = concatenate([known.kinematics, window.kinematics]) if walks else whole
-        needs = _needs(segments, window.body, whole, planned)
+        needs = _needs(segments, root + shift, whole.fps, planned)
         if walks:
             shift = np.zeros((len(whole), 3))
-            shift[:, :2] = horizontal_shift(needs, soles.bounds(_usable(contacts, soles, STANDING)))
+            shift[:, :2] = horizontal_shift(needs, soles.bounds(soles.usable(contacts, STANDING)))
             segments, soles, needs = _moved(segments, shift, whole.fps), soles.moved(shift), needs.shifted(shift)
             window = _shifted(window, shift)
     again = len(before) if before.wrenches is not None and before.pressure_centres is not None else 0
     predicted = concatenate([before, window]) if again else window
     made = slice(KNOWN - again, None)
-    usable = _usable(contacts, soles, REACH)[made]
+    usable = soles.usable(contacts, REACH)[made]
     mass, weight = window.body.mass, window.body.mass * GRAVITY
     assert predicted.wrenches is not None and predicted.pressure_centres is not None
     ground = ground_share(
@@ -164,18 +164,35 @@ def delivered(
     return Delivered(found[:again] if again else before, found[again:])
 
 
-def _raised(
-    window: Motion, whole: Motion, segments: SegmentMotion, soles: Soles, contacts: Flags, planned: Float
-) -> Motion:
+@dataclass(frozen=True)
+class _Seen:
+    """What balance sees of a motion, N frames.
+
+    Attributes:
+        needs: of the ground.
+        usable: sole points that it relies on, (N, 2, 12).
+        rise: shift of the height with which the ground can give what the motion needs, (N,) [m].
+    """
+
+    needs: Needs
+    usable: Flags
+    rise: Float
+
+    @classmethod
+    def of(cls, segments: SegmentMotion, soles: Soles, contacts: Flags, whole: Motion, planned: Float) -> _Seen:
+        needs = _needs(segments, whole.root_position, whole.fps, planned)
+        usable = soles.usable(contacts, STANDING)
+        return cls(needs, usable, vertical_shift(needs, _borne(usable, whole.fps)))
+
+
+def _raised(window: Motion, soles: Soles, seen: _Seen, before: Float) -> Motion:
     """The window with feet raised by their legs that its shift in height takes below the floor; else itself."""
-    borne = _borne(_usable(contacts, soles, STANDING), whole.fps)
-    up = vertical_shift(_needs(segments, whole.body, whole, planned), borne)
-    below = (-SUNK - soles.height.min(axis=2) - up[:, None])[KNOWN:]
+    below = (-SUNK - soles.height.min(axis=2) - seen.rise[:, None])[KNOWN:]
     if below.max() <= 0.0:
         return window
     by = np.zeros((*below.shape, 3))
     by[..., 2] = np.maximum(below, 0.0)
-    return smoothly_shifted(window, by, whole.joints[KNOWN - 1])
+    return smoothly_shifted(window, by, before)
 
 
 def _shifted(window: Motion, shift: Float) -> Motion:
@@ -205,33 +222,27 @@ def _contacts(motion: Motion) -> Flags:
 
 
 def _balanced(
-    whole: Motion,
-    segments: SegmentMotion,
+    seen: _Seen,
     soles: Soles,
-    contacts: Flags,
-    planned: Float,
     stays: Flags | None,
     resting: RestingFeet | None,
+    goes_on: Walks | None,
     settings: Balance,
-    *,
-    walks: bool,
-    stops: bool,
 ) -> tuple[Float, Needs]:
     """Shift of the root's path for balance, (N, 3) [m], and what the shifted motion needs of the ground."""
-    needs = _needs(segments, whole.body, whole, planned)
-    shift = np.zeros((len(whole), 3))
-    usable = _usable(contacts, soles, STANDING)
-    shift[:, 2] = vertical_shift(needs, _borne(usable, whole.fps))
-    lifted = needs.shifted(shift)
+    shift = np.zeros((len(seen.rise), 3))
+    shift[:, 2] = seen.rise
+    lifted = seen.needs.shifted(shift)
     if resting is not None:
         stays = resting.stands if stays is None else stays | resting.stands
-        away = np.pad(resting.shift, [(KNOWN, 0), (0, 0), (0, 0)])
-        soles = replace(soles, points=soles.points + away[:, :, None])
-    bounds, kept = soles.bounds(usable), _staying(usable, stays)
-    goes_on = Walks.of(whole, segments, soles, KNOWN, stops=stops) if walks else None
-    level = horizontal_shift(lifted, bounds, kept, settings, stands=resting is not None, walks=goes_on)
-    shift[:, :2] = level
-    return shift, lifted.shifted(shift * [1.0, 1.0, 0.0])
+        points = soles.points.copy()
+        points[KNOWN:] += resting.shift[:, :, None]
+        soles = replace(soles, points=points)
+    bounds, kept = soles.bounds(seen.usable), _staying(seen.usable, stays)
+    level = np.zeros_like(shift)
+    level[:, :2] = horizontal_shift(lifted, bounds, kept, settings, stands=resting is not None, walks=goes_on)
+    shift[:, :2] = level[:, :2]
+    return shift, lifted.shifted(level)
 
 
 def _staying(usable: Flags, stays: Flags | None) -> Float | None:
@@ -245,26 +256,18 @@ def _staying(usable: Flags, stays: Flags | None) -> Float | None:
     return found
 
 
-def _needs(segments: SegmentMotion, body: Body, whole: Motion, planned: Float) -> Needs:
-    """What a motion needs of the ground, known frames first."""
-    at_origin = whole_effort(segments) / body.mass
+def _needs(segments: SegmentMotion, root: Float, fps: float, planned: Float) -> Needs:
+    """What a motion needs of the ground, known frames first; `root`: its path, (N, 3) [m]."""
+    force, moment, centre = whole_effort(segments)
     return Needs(
         known=KNOWN,
-        fps=whole.fps,
-        root=whole.root_position,
-        planned=np.concatenate([np.zeros((KNOWN, 3)), planned]),
-        force=at_origin[:, :3],
-        moment=at_origin[:, 3:],
-        centre=segments.centre,
+        fps=fps,
+        root=root,
+        planned=planned,
+        force=force,
+        moment=moment,
+        centre=centre,
     )
-
-
-def _usable(contacts: Flags, soles: Soles, reach: float) -> Flags:
-    """Sole points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12)."""
-    low = soles.height < reach
-    stands = low & contacts[..., None]
-    found: Flags = np.where(stands.any(axis=(1, 2), keepdims=True), stands, low)
-    return found
 
 
 def _borne(usable: Flags, fps: float) -> Flags:
@@ -279,12 +282,15 @@ def _borne(usable: Flags, fps: float) -> Flags:
 def _moved(segments: SegmentMotion, shift: Float, fps: float) -> SegmentMotion:
     """Segments of a body that is shifted as a whole."""
     away = shift[:, None]
-    return replace(
-        segments,
+    return SegmentMotion(
+        mass=segments.mass,
         position=segments.position + away,
+        rotation=segments.rotation,
         com=segments.com + away,
-        anchor=segments.anchor + away,
         acceleration=segments.acceleration + acceleration(shift, fps)[:, None],
+        angular_momentum_rate=segments.angular_momentum_rate,
+        anchor=segments.anchor + away,
+        axis=segments.axis,
     )
 
 
@@ -302,8 +308,8 @@ def _with_forces(predicted: Motion, ground: GroundShare, segments: SegmentMotion
 
 
 def _frames(segments: SegmentMotion, frames: slice) -> SegmentMotion:
-    return replace(
-        segments,
+    return SegmentMotion(
+        mass=segments.mass,
         position=segments.position[frames],
         rotation=segments.rotation[frames],
         com=segments.com[frames],

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.sampling.leg_loops import Leg, stretched
 
 Float = NDArray[np.float64]
 
@@ -18,6 +22,7 @@ HIPS, KNEES, ANKLES = (
     [JOINTS.index(f"{name}_{side}") for side in SIDES] for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")
 )
 """Coordinates of left and right leg that turn it in the plane of its knee."""
+_COLUMNS = tuple(np.array(columns) for columns in (HIPS, KNEES, ANKLES))
 
 
 def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
@@ -30,43 +35,19 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
         down: of left and right foot, negative for up, (T, 2) [m].
         hip, ankle: joint centres of the motion, (T, 2, 3) [m].
     """
-    thigh, shank = motion.body.segments.thigh, motion.body.segments.shank
-    line = hip - ankle
-    length = np.linalg.norm(line, axis=-1)
-    # An inclined leg stretches by more than the foot is lowered; the bound keeps nearly level legs from stretching far.
-    steep = np.maximum(line[..., 2] / np.maximum(length, 1e-6), 0.5)
-    knee = motion.joints[:, KNEES]
-    own = leg_length(thigh, shank, knee)
-    wanted = within_reach(thigh, shank, own, own + down / steep)
-    bent = np.where(wanted == own, np.maximum(knee, 0.0), knee_at(thigh, shank, wanted))
-    turned = _behind(thigh, shank, bent) - _behind(thigh, shank, knee)
-    joints = motion.joints.copy()
-    joints[:, KNEES] = bent
-    joints[:, HIPS] += turned
-    joints[:, ANKLES] += (bent - knee) - turned
+    own = np.ascontiguousarray
+    joints = stretched(lengths(motion.body), own(motion.joints), own(down), own(hip), own(ankle), *_COLUMNS)
     return motion.changed(joints=joints)
 
 
-def within_reach(thigh: float, shank: float, own: Float, wanted: Float) -> Float:
-    """Wanted distances of hip and ankle, no farther than bent and straight legs reach, or are already, (T, 2) [m]."""
-    least, most = (leg_length(thigh, shank, bend) for bend in (MOST_BENT, STRAIGHT))
-    return np.minimum(np.maximum(wanted, np.minimum(least, own)), np.maximum(most, own))
-
-
-def knee_at(thigh: float, shank: float, distance: Float) -> Float:
-    """Knee angle at a distance of hip and ankle, by the law of cosines [rad]; the inverse of `leg_length`."""
-    cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
-    found: Float = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
-    return found
-
-
-def leg_length(thigh: float, shank: float, knee: Float | float) -> Float:
+def leg_length(thigh: float, shank: float, knee: float) -> float:
     """Distance of hip and ankle at a knee angle [m]."""
-    found: Float = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(knee))
-    return found
+    return float(np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(knee)))
 
 
-def _behind(thigh: float, shank: float, knee: Float) -> Float:
-    """Angle at the hip from the thigh back to the ankle [rad]."""
-    found: Float = np.arctan2(shank * np.sin(knee), thigh + shank * np.cos(knee))
-    return found
+@lru_cache(maxsize=32)
+def lengths(body: Body) -> Leg:
+    """Lengths of a human's leg."""
+    size = body.segments
+    shortest, longest = (leg_length(size.thigh, size.shank, bend) for bend in (MOST_BENT, STRAIGHT))
+    return Leg(size.thigh, size.shank, shortest, longest, 0.5 * (size.ball - size.heel), -size.ankle_height)

@@ -31,7 +31,7 @@ from flexmotion.features.layout import POINTS
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, LEG_JOINTS, SIDES
-from flexmotion.human.vectors import cross
+from flexmotion.sampling.limb_loops import equations
 from flexmotion.sampling.limb_pose import LimbPose
 from flexmotion.sampling.window_pose import WindowPose, body_points
 from flexmotion.spatial.transitions import smoothstep
@@ -282,14 +282,7 @@ class Wanted:
 
     def only(self, points: NDArray[np.intp]) -> Wanted:
         """The same of some of the points."""
-        return Wanted(self.places[:, points], self.weight[:, points])
-
-    def missing(self, pose: LimbPose) -> Float:
-        """What the points lack of their places, at most `FARTHEST`, (W, P, 3) [m]."""
-        missing = self.places - pose.points
-        farther = np.sqrt(np.einsum("tpi,tpi->tp", missing, missing))[..., None] / FARTHEST
-        found: Float = missing / np.maximum(farther, 1.0)
-        return found
+        return Wanted(self.places.take(points, axis=1), self.weight.take(points, axis=1))
 
     def errors(self, pose: LimbPose, sides: int) -> Float:
         """Weighted sums of the squared distances from the places, of each of S sides, (S,) [m²]."""
@@ -335,16 +328,14 @@ def _change(pose: LimbPose, wanted: Wanted, sides: int) -> Float:
     """Change of the angles of a limb on S sides, (S, W, J) [rad]."""
     size, frames = pose.axis.shape[1], len(pose.axis) // sides
     over = _functions(frames)
-    moved = cross(pose.axis[:, :, None], pose.points[:, None] - pose.anchor[:, :, None])  # (S W, J, P, 3)
-    moved *= wanted.weight[:, None]
-    for point, count in enumerate(pose.carried):
-        moved[:, count:, point] = 0.0  # a point is not moved by joints beyond it
     # The joints of a frame are summed up before functions of time are: a frame's rows share those.
-    rows = moved.reshape(len(moved), size, -1)
-    squares = (rows @ rows.swapaxes(-1, -2)).reshape(sides, frames, -1)
+    anchor, axis, points, places, weight = map(
+        np.ascontiguousarray, (pose.anchor, pose.axis, pose.points, wanted.places, wanted.weight)
+    )
+    squares, pulled = equations(anchor, axis, points, np.array(pose.carried), places, weight, FARTHEST)
+    squares, pulled = squares.reshape(sides, frames, -1), pulled.reshape(sides, frames, size)
     normal = (squares.swapaxes(-1, -2) @ _products(frames)).reshape(sides, size, size, over.shape[1], -1)
     normal = normal.swapaxes(2, 3).reshape(sides, size * over.shape[1], -1) + _evenness(frames, size)
-    pulled = (rows @ (wanted.weight * wanted.missing(pose)).reshape(len(moved), -1, 1)).reshape(sides, frames, size)
     right = (pulled.swapaxes(-1, -2) @ over).reshape(sides, -1)
     # By LAPACK alone: SciPy's own calls take as long again. What is damped has a solution; a symmetric matrix is its
     # own transpose, which has LAPACK's order and is not copied.

@@ -20,7 +20,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.kept_feet import LIFTED, kept, resting
 from flexmotion.sampling.leg_length import lowered
 from flexmotion.sampling.leg_reach import shifted
-from flexmotion.spatial.heading import continuous_matrix_heading
+from flexmotion.sampling.planted_loops import Holds, made_up, remaining, slips, wanted_lifts
 
 Float = NDArray[np.float64]
 
@@ -52,6 +52,8 @@ SMOOTH, ALONG = (1 / 4, 2 / 4, 1 / 4), (1 / 9, 2 / 9, 3 / 9, 2 / 9, 1 / 9)
 SETTLING_S = 0.05
 """Time constant with which the body is raised or lowered. A window begins at the height where the last one ended, and
 reaches the model's height within a few tenths of a second."""
+
+_HOLDS = Holds(ROLLING, CHOOSING, MISJUDGED, NEAR, PLANTED, SWINGING, GLIDING)
 
 
 def planted(motion: Motion, past: Motion) -> Motion:
@@ -105,10 +107,7 @@ def lifted(height: Float, contacts: NDArray[np.bool_], fps: float) -> Float:
         contacts: feet that carry load, (T, 2).
         fps: frames per second.
     """
-    loaded = contacts.astype(np.float64)
-    error = np.minimum(np.maximum(height, BELOW), ABOVE) - height
-    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
-    return _settled(wanted, fps)
+    return _settled(wanted_lifts(np.ascontiguousarray(height), np.ascontiguousarray(contacts), BELOW, ABOVE), fps)
 
 
 @dataclass(frozen=True)
@@ -142,35 +141,13 @@ class Slip:
             fps: frames per second.
             stays: whether the body stays where it is: loaded feet are alike, and none glides.
         """
-        loaded = contacts.astype(np.float64)
-        share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
-        share = (share[1:] + share[:-1])[..., None]
-        velocity = (feet[1:, ..., :2] - feet[:-1, ..., :2]) * fps
-        slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
-        speed = np.hypot(slip[..., 0], slip[..., 1])
-        height = feet[1:, ..., 2].min(axis=2)
-        may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
-        firm = loaded if stays else may * np.exp(-speed / CHOOSING)
-        stands = np.minimum(np.maximum((SWINGING - speed) / (SWINGING - PLANTED), 0.0), 1.0)
-        yaw = continuous_matrix_heading(pelvis)[:, None]
-        facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-        ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
-        aside = slip - ahead
-        holds = np.maximum(1.0 - np.hypot(aside[..., :1], aside[..., 1:]) / GLIDING, 0.0)
-        if stays:
-            stands, holds = np.ones_like(stands), np.ones_like(holds)
-        return cls(slip, share, firm, stands, facing, holds)
+        own = np.ascontiguousarray
+        return cls(*slips(own(feet), own(contacts), own(pelvis), fps, stays, _HOLDS))
 
     @property
     def made_up_for(self) -> Float:
         """Velocity that the root makes up for, (T, 2) [m/s]."""
-        # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
-        ahead = (self.velocity * self.facing).sum(axis=-1, keepdims=True) * self.facing
-        held = self.stands[..., None] * (ahead + self.holds * (self.velocity - ahead))
-        firm = self.firm
-        shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
-        found: Float = _filter(SMOOTH, len(shift)) @ shift
-        return found
+        return made_up(self.velocity, self.firm, self.stands, self.facing, self.holds, np.array(SMOOTH))
 
     @property
     def holding(self) -> Holding:
@@ -236,33 +213,14 @@ def _summing(frames: int) -> Float:
 
 def _remaining(height: Float, loaded: NDArray[np.bool_], most: float = MOST) -> Float:
     """Distances by which the legs lower the feet: loaded feet to the floor, all feet out of it, (T, 2) [m]."""
-    down = _spread(np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0), most)
-    found: Float = np.minimum(down, np.maximum(height, 0.0)) - _spread(np.maximum(-height - SUNK, 0.0), MOST)
-    return found
-
-
-def _spread(amount: Float, most: float) -> Float:
-    """The correction spread over neighbouring frames, so that no foot drops or rises within one, (T, 2)."""
-    if not amount.any():
-        return amount
-    beyond = np.zeros((len(ALONG) // 2, *amount.shape[1:]))
-    padded = np.concatenate([beyond, np.minimum(amount, most), beyond])
-    reaching = padded[: len(amount)]
-    for later in range(1, len(ALONG)):
-        reaching = np.maximum(reaching, padded[later : later + len(amount)])
-    spread: Float = _filter(ALONG, len(amount)) @ reaching
-    return spread
+    return remaining(
+        np.ascontiguousarray(height), np.ascontiguousarray(loaded), REACHED, SUNK, most, MOST, np.array(ALONG)
+    )
 
 
 def _feet(human: HumanKinematics) -> Float:
     """Heel and toe of both feet, (T, 2, 2, 3) [m]."""
     return np.stack([human.heel, human.toe], axis=2)
-
-
-def _held(values: Float, known: NDArray[np.bool_]) -> Float:
-    """Values with unknown ones replaced by the last known one, 0 before the first, (T,)."""
-    last = np.maximum.accumulate(np.where(known, np.arange(1, len(values) + 1), 0))
-    return np.concatenate([[0.0], values])[last]
 
 
 def _settled(wanted: Float, fps: float) -> Float:

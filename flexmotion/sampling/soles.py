@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from flexmotion.biomechanics.sole import sole_grid
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
 from flexmotion.human.skeleton import SIDES
+from flexmotion.sampling.sole_loops import bounds, soles, usable
 
 Float = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -50,17 +52,11 @@ class Soles:
     @classmethod
     def of(cls, body: Body, segments: SegmentMotion) -> Soles:
         """Soles of a motion."""
-        index = human_model(body).body_index
-        feet = [index[f"calcaneus_{side}"] for side in SIDES]
-        rotation, ankle, grid = segments.rotation[:, feet], segments.position[:, feet], sole_grid(body)
-        points = ankle[:, :, None] + grid @ rotation.swapaxes(-1, -2)
-        return cls(
-            origin=ankle[..., :2] + grid[0, 2] * rotation[..., :2, 2],
-            axes=rotation[..., :2, :2],
-            lattice=grid[:, :2],
-            points=points[..., :2],
-            height=points[..., 2],
+        feet, grid, lattice = _shape(body)
+        origin, axes, points, height = soles(
+            np.ascontiguousarray(segments.position), np.ascontiguousarray(segments.rotation), feet, grid
         )
+        return cls(origin, axes, lattice, points, height)
 
     def __getitem__(self, frames: slice) -> Soles:
         """The soles of some frames."""
@@ -82,7 +78,20 @@ class Soles:
         Args:
             usable: whether the ground can act at a point, (T, 2, 12).
         """
-        along = self.points.reshape(-1, 2) @ OUTWARD
-        along[~usable.reshape(-1)] = NOWHERE
-        found: Float = along.reshape(len(usable), -1, DIRECTIONS).max(axis=1)
-        return found
+        return bounds(np.ascontiguousarray(self.points), np.ascontiguousarray(usable), OUTWARD, NOWHERE)
+
+    def usable(self, contacts: Flags, reach: float) -> Flags:
+        """Points lower than `reach` of feet in contact, or where there are none, of all feet, (T, 2, 12).
+
+        Args:
+            contacts: feet in contact, (T, 2).
+            reach: [m].
+        """
+        return usable(np.ascontiguousarray(self.height), np.ascontiguousarray(contacts), reach)
+
+
+@lru_cache(maxsize=32)
+def _shape(body: Body) -> tuple[NDArray[np.int64], Float, Float]:
+    """Segments of left and right foot, (2,), points of a sole, (12, 3) [m], and these without their height."""
+    index, grid = human_model(body).body_index, np.ascontiguousarray(sole_grid(body), np.float64)
+    return np.array([index[f"calcaneus_{side}"] for side in SIDES]), grid, np.ascontiguousarray(grid[:, :2])

@@ -56,7 +56,9 @@ class Walks:
         mean = way / seconds
         torso = segments.rotation[first:, human_model(motion.body).body_index["torso"]]
         heading = continuous_matrix_heading(torso)
-        turned = 0.5 * np.polyfit(np.linspace(0.0, 1.0, len(heading)), heading, 1)[0]
+        # By the slope of the line through it (least squares).
+        share = np.linspace(-0.5, 0.5, len(heading))
+        turned = 0.5 * float(share @ heading / (share @ share))
         velocity = _turned(mean, turned)
         # Ahead the middle of the feet swings by .3 m within a gait cycle: its mean counts, where it is to be by now.
         ahead = velocity / max(float(np.hypot(*velocity)), 1e-9)

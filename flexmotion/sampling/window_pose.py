@@ -66,7 +66,7 @@ class WindowPose:
 
     @classmethod
     def of(cls, motion: Motion, anchor: Anchor) -> WindowPose:
-        """Of a motion, by MuJoCo's forward kinematics.
+        """Of a motion, by forward kinematics.
 
         Args:
             motion: the window, in the world.

@@ -41,8 +41,10 @@ def test_agrees_with_mujoco(fine_clip: Motion) -> None:
 
 def test_the_whole_effort_is_the_sum_of_that_of_the_segments(fine_clip: Motion) -> None:
     segments = segment_motion(fine_clip)
-    expected = effort(segments, fine_clip.body).about(np.zeros((len(segments), 3)))
-    np.testing.assert_allclose(whole_effort(segments), expected, rtol=1e-12, atol=1e-9)
+    expected = effort(segments, fine_clip.body).about(np.zeros((len(segments), 3))) / fine_clip.body.mass
+    force, moment, centre = whole_effort(segments)
+    np.testing.assert_allclose(np.concatenate([force, moment], axis=1), expected, rtol=1e-12, atol=1e-10)
+    np.testing.assert_allclose(centre, segments.centre, rtol=1e-12, atol=1e-12)
 
 
 def test_wrench_at_a_foot_acts_as_in_mujoco(fine_clip: Motion) -> None:

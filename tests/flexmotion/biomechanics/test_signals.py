@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND, SHORT, derivative, second_derivative
+from flexmotion.biomechanics.differentiation import FIRST, SECOND, derivative, second_derivative
 from flexmotion.biomechanics.smoothing import BALL_JOINTS, smooth, smoothing_spline
 from flexmotion.human.angles import three_angle_rotation
 from flexmotion.human.motion import Motion
@@ -38,11 +38,20 @@ def test_derivatives_of_a_parabola_hold_up_to_the_ends(frames: int) -> None:
     assert np.allclose(second_derivative(times**2, 10.0), 2.0)
 
 
-@pytest.mark.parametrize("differentiated", [derivative, second_derivative])
-def test_short_signals_have_the_derivatives_of_long_ones(differentiated) -> None:
-    signal = np.random.default_rng(0).normal(size=(SHORT + 1, 4, 3))
-    short, long = differentiated(signal[:SHORT], 30.0), differentiated(signal, 30.0)
-    assert short[:-HALF] == pytest.approx(long[: -HALF - 1], abs=1e-9)
+@pytest.mark.parametrize(("differentiated", "weights"), [(derivative, FIRST), (second_derivative, SECOND)])
+@pytest.mark.parametrize("frames", [3, 5, 7, 13, 14, 15, 60])
+def test_ends_of_a_signal_go_on_as_parabolas(differentiated, weights, frames: int) -> None:
+    signal = np.random.default_rng(0).normal(size=(frames, 4, 3))
+
+    def beyond(last: np.ndarray) -> list[np.ndarray]:
+        return [
+            last[2] + k * (last[2] - last[1]) + k * (k + 1) / 2 * (last[2] - 2 * last[1] + last[0]) for k in (1, 2, 3)
+        ]
+
+    longer = np.array([*beyond(signal[:3][::-1])[::-1], *signal, *beyond(signal[-3:])])
+    wanted = [np.tensordot(weights, longer[t : t + 7], 1) for t in range(frames)]
+    order = 1 if differentiated is derivative else 2
+    assert differentiated(signal, 30.0) == pytest.approx(30.0**order * np.array(wanted), abs=1e-10)
 
 
 @pytest.mark.parametrize("frames", [1, 2])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexmotion.human.human_model import human_model
-from flexmotion.human.kinematics import forward
+from flexmotion.human.kinematics import STATE, foot_points, forward, frame_arrays
 
 
 def test_centre_of_mass_is_mujocos(clip, clip_kinematics):
@@ -39,3 +39,22 @@ def test_bones_keep_their_length(clip, clip_kinematics):
     ):
         distance = np.linalg.norm(getattr(clip_kinematics, first) - getattr(clip_kinematics, second), axis=-1)
         assert distance == pytest.approx(np.full(distance.shape, length))
+
+
+def test_poses_are_mujocos(clip):
+    human, state = human_model(clip.body), frame_arrays(clip, *STATE)
+    data = mujoco.MjData(human.model)
+    for frame in (0, 60, 185, 270):
+        data.qpos[:] = human.qpos(clip)[frame]
+        mujoco.mj_kinematics(human.model, data)
+        for name, found in zip(STATE, state, strict=True):
+            assert found[frame] == pytest.approx(getattr(data, name), abs=1e-13), name
+
+
+def test_foot_points_alone_are_those_of_all_segments(clip, clip_kinematics):
+    np.testing.assert_array_equal(foot_points(clip), np.stack([clip_kinematics.heel, clip_kinematics.toe], axis=2))
+
+
+def test_unknown_arrays_are_refused(clip):
+    with pytest.raises(ValueError, match="xvel"):
+        frame_arrays(clip, "xpos", "xvel")

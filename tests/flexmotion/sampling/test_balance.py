@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flexmotion.sampling.balance import BALANCE, STILL, Needs, horizontal_shift
+from flexmotion.sampling.balance import BALANCE, STILL, Needs, acceleration, horizontal_shift
 from flexmotion.sampling.soles import OUTWARD
 from flexmotion.sampling.walking import Walks
 from flexmotion.spatial.gravity import GRAVITY
@@ -93,3 +95,32 @@ def test_a_body_over_no_sole_is_not_brought_anywhere() -> None:
 def test_feet_that_move_along_need_no_word() -> None:
     needs, bounds = standing_beside()
     np.testing.assert_array_equal(horizontal_shift(needs, bounds), horizontal_shift(needs, bounds, np.zeros(FRAMES)))
+
+
+def test_a_shift_adds_its_acceleration_and_takes_the_forces_along() -> None:
+    rng = np.random.default_rng(3)
+    root, planned, force, moment, centre = rng.normal(size=(5, FRAMES, 3))
+    needs, shift = Needs(KNOWN, FPS, root, planned, force, moment, centre), rng.normal(size=(FRAMES, 3))
+    found, more = needs.shifted(shift), acceleration(shift, FPS)
+    assert found.root == pytest.approx(root + shift) and found.centre == pytest.approx(centre + shift)
+    assert found.force == pytest.approx(force + more)
+    # The moment about the centre of mass is that of before.
+    about = found.moment - np.cross(found.centre, found.force)
+    assert about == pytest.approx(moment - np.cross(centre, force), abs=1e-6)
+
+
+def test_a_still_body_stays_where_its_region_has_no_edge() -> None:
+    needs, bounds = standing_beside()
+    assert np.abs(horizontal_shift(needs, np.full_like(bounds, 10.0))).max() < 1e-9
+    assert np.abs(horizontal_shift(needs, bounds)).max() > 0.01
+
+
+def test_mirrored_bodies_are_balanced_alike() -> None:
+    needs, bounds = standing_beside()
+    flip, frames = np.array([-1.0, 1.0, 1.0]), np.ones(FRAMES)
+    mirrored = replace(
+        needs, root=needs.root * flip, force=needs.force * flip, moment=needs.moment * -flip, centre=needs.centre * flip
+    )
+    order = [int(np.argmin(np.linalg.norm(OUTWARD.T - flip[:2] * way, axis=1))) for way in OUTWARD.T]
+    found, other = horizontal_shift(needs, bounds, frames), horizontal_shift(mirrored, bounds[:, order], frames)
+    assert other * flip[:2] == pytest.approx(found, abs=1e-9)

@@ -118,3 +118,37 @@ def test_nothing_pulls_and_feet_in_the_air_carry_nothing() -> None:
     usable[1] = False
     _, found = shared(np.zeros((2, 2)), pulled, usable)
     assert not found.wrenches.any()
+
+
+def test_mirrored_motions_get_mirrored_forces() -> None:
+    frames = 60
+    under, flip = soles(frames), np.array([1.0, -1.0, 1.0])
+    usable = RNG.random((frames, 2, 12)) < 0.7
+    force = RNG.normal([0.0, 0.0, WEIGHT], [60.0, 60.0, 100.0], (frames, 3))
+    zmp, twist = inside(under, frames), RNG.normal(0.0, 30.0, frames)
+    moment = np.stack([zmp[:, 1] * force[:, 2], -zmp[:, 0] * force[:, 2], twist], axis=1)
+    predicted = RNG.normal([0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0], [50.0, 50.0, 150.0, 0.0, 0.0, 0.0], (frames, 2, 6))
+    centres = np.zeros((frames, 2, 3))
+    centres[..., :2] = under.origin + RNG.normal(0.0, 0.03, (frames, 2, 2))
+    # Points of a sole from right to left where they were from left to right: its lattice is its own mirror image.
+    other = np.arange(12).reshape(4, 3)[:, ::-1].ravel()
+    mirrored = Soles(
+        under.origin[:, ::-1] * flip[:2],
+        under.axes[:, ::-1] * flip[:2, None] * flip[:2],
+        under.lattice,
+        under.points[:, ::-1][:, :, other] * flip[:2],
+        under.height[:, ::-1][:, :, other],
+    )
+    found = ground_share(force, moment, under, usable, predicted, centres, WEIGHT)
+    opposite = ground_share(
+        force * flip,
+        moment * -flip,
+        mirrored,
+        usable[:, ::-1][:, :, other],
+        predicted[:, ::-1] * np.concatenate([flip, -flip]),
+        centres[:, ::-1] * flip,
+        WEIGHT,
+    )
+    assert opposite.wrenches[:, ::-1] * np.concatenate([flip, -flip]) == pytest.approx(found.wrenches, abs=1e-6)
+    assert opposite.centres[:, ::-1] * flip == pytest.approx(found.centres, abs=1e-9)
+    assert found.wrenches[..., 2].min() >= 0.0
