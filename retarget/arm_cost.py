@@ -128,7 +128,7 @@ class ArmCost:
 
         In the body it is `_IN_THE_BODY` more at most.
         """
-        return arm_loops.costs(*self._loops, _wanted(targets), q)
+        return arm_loops.costs(*self._loops, _wanted(targets, q), q)
 
     def normal(self, targets: ArmTargets, q: Float) -> tuple[Float, Float, Float]:
         """Gauss-Newton equations of half the cost at poses (N, 2, m), as of `of`.
@@ -138,15 +138,17 @@ class ArmCost:
         Returns:
             Matrix (N, 2, m, m) and right side (N, 2, m), so that a step solves matrix x step = right; the cost, (N, 2).
         """
-        return arm_loops.normal(*self._loops, _wanted(targets), q)
+        return arm_loops.normal(*self._loops, _wanted(targets, q), q)
 
     def improved(self, targets: ArmTargets, q: Float) -> Float:
         """Poses (N, 2, m), as of `of`, after one bounded Gauss-Newton step of each by itself, by directions alone."""
-        return arm_loops.improved(*self._loops, _wanted(targets), q, LONGEST_STEP)
+        return arm_loops.improved(*self._loops, _wanted(targets, q), q, LONGEST_STEP)
 
 
-def _wanted(targets: ArmTargets) -> arm_loops.Wanted:
-    """The targets as the compiled loops take them."""
+def _wanted(targets: ArmTargets, q: Float) -> arm_loops.Wanted:
+    """The targets of poses (N, 2, m) as the compiled loops take them."""
+    if not len(q) or len(q) % len(targets.lean):
+        raise ValueError(f"{len(q)} poses of {len(targets.lean)} targets, expected as many of each")
     return packed(arm_loops.Wanted, **vars(targets))
 
 

@@ -396,6 +396,9 @@ def improved(arms: Arms, body: Body, weights: Weights, wanted: Wanted, q: Float,
     _equations(arms, body, weights, wanted, q, False, matrix, right, cost)
     for n in range(number):
         for side in range(2):
+            if not (np.isfinite(matrix[n, side]).all() and np.isfinite(right[n, side]).all()):
+                right[n, side] = np.nan  # the plan is refused by name; numba's solver would end it without
+                continue
             step = np.linalg.solve(matrix[n, side], right[n, side])
             share = min(1.0, longest / max(np.abs(step).max(), 1e-12))
             for k in range(count):
@@ -423,7 +426,8 @@ def cheapest(q: Float, cost: Float, start: Float, reach: Float, travel: float, w
         travel: cost of a radian beyond reach; winding: of a squared radian from `rest`, (2, m), at the end.
     """
     frames, candidates, _, count = q.shape
-    out, before = np.empty((frames, 2, count)), np.empty((frames, candidates), np.int64)
+    # Zeros: where costs are no numbers the first candidate is taken, and the way is told as what it is.
+    out, before = np.empty((frames, 2, count)), np.zeros((frames, candidates), np.int64)
     total, now = np.empty(candidates), np.empty(candidates)
     for side in range(2):
         for c in range(candidates):

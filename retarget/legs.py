@@ -176,6 +176,13 @@ class Legs:
         Returns:
             As `Leg.solve`, (S, T, 6) [rad] and (S, T) [m].
         """
+        number, rows = len(self.indices), len(torso_position)
+        if torso_rotation.shape != (rows, 3, 3) or sole_rotation.shape != (number, rows, 3, 3):
+            raise ValueError(
+                f"{rows} rows of {number} legs, found rotations {torso_rotation.shape}, {sole_rotation.shape}"
+            )
+        if sole_position.shape != (number, rows, 3):
+            raise ValueError(f"{rows} rows of {number} legs, found soles {sole_position.shape}")
         return _solve(self._geometry, torso_position, torso_rotation, sole_position, sole_rotation)
 
 

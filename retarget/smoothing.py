@@ -67,6 +67,8 @@ class Follower:
             Positions and velocities after each row, (T, C) each, and whether the speed and the acceleration bound were
             active, (T, C) bool each.
         """
+        if not targets.shape[1] == len(position) == len(velocity) == len(self.omega):
+            raise ValueError(f"{len(self.omega)} channels, found targets {targets.shape} from {position.shape}")
         keep, pull = self._gains(self.omega)
         return _follow(targets, position, velocity, keep, pull, self.speed, self.acceleration, self.dt)
 
@@ -94,5 +96,6 @@ def _follow(
             v = min(max(bound, -fastest), fastest)
             x += v * dt
             positions[row, channel], velocities[row, channel] = x, v
-            slow[row, channel], soft[row, channel] = v != bound, bound != wish
+            # Written so that a number that is none meets no bound.
+            slow[row, channel], soft[row, channel] = abs(v - bound) > 0.0, abs(bound - wish) > 0.0
     return positions, velocities, slow, soft

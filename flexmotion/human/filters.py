@@ -28,8 +28,8 @@ def recursive(feed: Sequence[float], back: Sequence[float], signal: Float, state
     """
     width = math.prod(signal.shape[1:])
     columns = np.asarray(signal, np.float64).reshape(len(signal), width)
-    before = np.empty((0, width)) if state is None else state.reshape(len(state), width)
-    return _recursive(np.array(feed), np.array(back), columns, before).reshape(signal.shape)
+    before = np.empty((0, width)) if state is None else np.asarray(state, np.float64).reshape(len(state), width)
+    return _recursive(np.array(feed, np.float64), np.array(back, np.float64), columns, before).reshape(signal.shape)
 
 
 @compiled(*[FLOATS[1]] * 2, *[ANY[2]] * 2)

@@ -32,17 +32,19 @@ def squares(values):
 
 @pytest.fixture(autouse=True)
 def untold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "_told", [])
+    monkeypatch.setattr(compiled, "_told", set())
+    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
 
 
-def loaded(folder: Path) -> ModuleType:
-    """The module of `SOURCE`, as a process would load it that begins now."""
+def loaded(folder: Path, **constants: float) -> ModuleType:
+    """The module of `SOURCE`, with constants of other modules, as a process would load it that begins now."""
     file = folder / "loops.py"
     if not file.exists():
         file.write_text(SOURCE)
     spec = importlib.util.spec_from_file_location("loops", file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    vars(module).update(constants)
     spec.loader.exec_module(module)
     return module
 
@@ -59,31 +61,50 @@ def test_code_is_compiled_once_and_kept(tmp_path: Path, caplog: pytest.LogCaptur
         np.testing.assert_array_equal(module.squares(np.arange(4.0)), [0.0, 1.0, 4.0, 9.0])
 
 
-@pytest.mark.parametrize("kind", ["nbi", "nbc"])
-@pytest.mark.parametrize("left", [0, 40])
-def test_code_that_was_cut_off_is_compiled_again(tmp_path: Path, kind: str, left: int) -> None:
-    """Files cut off by a loss of power ended every later start in an EOFError."""
+@pytest.mark.parametrize("kind", ["nbi", "nbc", "seal"])
+@pytest.mark.parametrize("damage", ["empty", "cut off", "zeroed"])
+def test_damaged_code_is_compiled_again(tmp_path: Path, kind: str, damage: str) -> None:
+    """A page of zeros, as a loss of power leaves it, ended every later start with a segmentation fault."""
     loaded(tmp_path)
     (file,) = (tmp_path / "__pycache__").glob(f"loops.squares-*.{kind}")
-    file.write_bytes(file.read_bytes()[:left])
+    whole = file.read_bytes()
+    zeroed = whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2)
+    file.write_bytes({"empty": b"", "cut off": whole[:40], "zeroed": zeroed}[damage])
     np.testing.assert_array_equal(loaded(tmp_path).squares(np.arange(3.0)), [0.0, 1.0, 4.0])
     assert not loaded(tmp_path).squares.stats.cache_misses
 
 
+def test_code_is_made_again_for_another_constant(tmp_path: Path) -> None:
+    """Torques were those of the old gravity after the constant had changed in another file."""
+    (tmp_path / "loops.py").write_text(SOURCE.replace("x * x", "x * FACTOR"))
+    for factor in (2.0, 5.0):
+        module = loaded(tmp_path, FACTOR=factor)
+        np.testing.assert_array_equal(module.squares(np.array([1.0])), [factor])
+
+
+@pytest.mark.parametrize("refusal", [RuntimeError("no locator available"), OSError(28, "No space left on device")])
 def test_code_that_cannot_be_kept_is_compiled_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, refusal: Exception
 ) -> None:
+    """A full disk after an installation ended every command with "No space left on device"."""
+
     def refused(*_: object, **options: object) -> object:
         if options.get("cache"):
-            raise RuntimeError("cannot cache function: no locator available")
+            raise refusal
         return plain(**options)
 
     plain = compiled.numba.njit
     monkeypatch.setattr(compiled.numba, "njit", refused)
     with caplog.at_level(logging.WARNING):
         module = loaded(tmp_path)
-    assert "squares: compiled at every start" in caplog.text
+    assert "at every start" in caplog.text and "NUMBA_CACHE_DIR" in caplog.text
     np.testing.assert_array_equal(module.squares(np.arange(3.0)), [0.0, 1.0, 4.0])
+
+
+def test_loops_can_be_run_as_plain_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """NUMBA_DISABLE_JIT ended every command that plans in an AttributeError."""
+    monkeypatch.setattr(compiled.numba.config, "DISABLE_JIT", 1)
+    np.testing.assert_array_equal(loaded(tmp_path).squares(np.arange(3)), [0, 1, 4])
 
 
 def test_other_types_are_refused_instead_of_compiled_while_a_robot_moves(tmp_path: Path) -> None:
