@@ -83,10 +83,9 @@ class Sampler:
         self.steps = manifest.steps if steps is None else steps
         if not 1 <= self.steps <= manifest.times:
             raise ConfigError(f"steps is {self.steps}, expected 1 to {manifest.times}")
-        # Opened with their paths: joining those takes as long as a matrix product.
-        self._denoiser, self._decoder = (
-            (open_session(path), path) for path in (bundle.folder / DENOISER, bundle.folder / DECODER)
-        )
+        # Joining paths takes as long as a matrix product.
+        self._denoiser_path, self._decoder_path = bundle.folder / DENOISER, bundle.folder / DECODER
+        self._denoiser, self._decoder = open_session(self._denoiser_path), open_session(self._decoder_path)
         self.requests = Requests(bundle, unjudged, robot)
         self._rest = self.standing()
         self._statistics, self._kept = bundle.statistics, bundle.kept
@@ -282,7 +281,7 @@ class Sampler:
 
     def _decode(self, latent: Float32, history: Float32) -> Float32:
         """Normalised features, (W, F), of a latent (1, L) after a normalised history (1, H, F)."""
-        return run(*self._decoder, {"latent": latent, "history": history})[0]
+        return run(self._decoder, self._decoder_path, {"latent": latent, "history": history})[0]
 
     def _remember(self, history: Motion) -> Float32:
         """Features of the history, not normalised, (H, F)."""
@@ -324,7 +323,7 @@ class Sampler:
         if asked is not None and branch is not None:
             values = {"values": asked.values[None].astype(np.float32), "mask": asked.mask[None].astype(np.float32)}
             return run(self._controlled(branch), branch, self._inputs | values)
-        session, path = self._personal.get(manner, self._denoiser)
+        session, path = self._personal.get(manner, (self._denoiser, self._denoiser_path))
         found = run(session, path, self._inputs)
         return found if self.bundle.manifest.guided else guided(found, scale, manner_scale)
 
