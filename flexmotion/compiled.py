@@ -39,6 +39,7 @@ INTS = {rank: types.Array(INT, rank, "C", readonly=True) for rank in range(1, 3)
 
 _told: set[str] = set()
 """What was told once in this process."""
+_unkept: set[str] = set()
 
 
 def fields(record: type[NamedTuple], *kinds: types.Type) -> types.Type:
@@ -83,12 +84,18 @@ def compiled(*arguments: types.Type) -> Callable[[F], F]:
                 "compiling loops for this processor, about a minute, at every start: the package's folder and the "
                 "user's cache cannot be written; NUMBA_CACHE_DIR names another one"
             )
+            _unkept.add(function.__qualname__)
             found = numba.njit(error_model="numpy")(function)
             found.compile(arguments)
         found.disable_compile()
         return cast(F, found)
 
     return compile_it
+
+
+def unkept() -> frozenset[str]:
+    """Functions of the modules that are loaded whose code is not kept: they are compiled at every start."""
+    return frozenset(_unkept)
 
 
 class _Kept:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import psutil
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
+from flexmotion.compiled import unkept
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.doctor import devices, machine
@@ -58,9 +60,24 @@ def _findings(settings: Gateway, bundle: str | Path | None, root: Path) -> Itera
     yield from machine.clocks(root)
     yield from devices.serial_ports(root)
     yield devices.input_devices(root)
+    yield compiled_loops()
     yield model(bundle)
     yield network_port("port for targets", settings.port, "--web-port")
     yield network_port("port for stops", settings.stop_port, "--stop-port")
+
+
+def compiled_loops() -> Finding:
+    """Whether the code of inner loops is kept between starts; what is missing is compiled."""
+    # Loading them compiles the loops of plans and of the model.
+    import_module("flexmotion.retarget.retargeter")
+    import_module("flexmotion.sampling.sampler")
+    if not unkept():
+        return fine("compiled loops", "their code is kept between starts")
+    return warning(
+        "compiled loops",
+        "their code cannot be kept: every start takes about a minute longer",
+        'export NUMBA_CACHE_DIR="$HOME/numba"',
+    )
 
 
 def model(bundle: str | Path | None) -> Finding:

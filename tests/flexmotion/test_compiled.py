@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexmotion import compiled
+from flexmotion.streamer.doctor.doctor import compiled_loops
 
 SOURCE = """
 import numpy as np
@@ -33,6 +34,7 @@ def squares(values):
 @pytest.fixture(autouse=True)
 def untold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "_told", set())
+    monkeypatch.setattr(compiled, "_unkept", set())
     monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
 
 
@@ -55,7 +57,7 @@ def test_code_is_compiled_once_and_kept(tmp_path: Path, caplog: pytest.LogCaptur
     assert "once after an installation" in caplog.text
     caplog.clear()
     again = loaded(tmp_path)
-    assert not caplog.text
+    assert not caplog.text and compiled_loops().level == "ok"
     assert sum(again.squares.stats.cache_hits.values()) == 1 and not again.squares.stats.cache_misses
     for module in (first, again):
         np.testing.assert_array_equal(module.squares(np.arange(4.0)), [0.0, 1.0, 4.0, 9.0])
@@ -98,6 +100,8 @@ def test_code_that_cannot_be_kept_is_compiled_all_the_same(
     with caplog.at_level(logging.WARNING):
         module = loaded(tmp_path)
     assert "at every start" in caplog.text and "NUMBA_CACHE_DIR" in caplog.text
+    assert compiled.unkept() == {"squares"}
+    assert compiled_loops().level == "warning" and "NUMBA_CACHE_DIR" in str(compiled_loops().mend)
     np.testing.assert_array_equal(module.squares(np.arange(3.0)), [0.0, 1.0, 4.0])
 
 
