@@ -57,6 +57,11 @@ def packed(record: Callable[..., R], **values: Any) -> R:
     return record(**own)
 
 
+def doubles(array: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """An array as `FLOATS` needs it."""
+    return np.ascontiguousarray(array, np.float64)
+
+
 def part(function: F) -> F:
     """A function that compiled ones of its file call."""
     return cast(F, numba.njit(error_model="numpy")(function))

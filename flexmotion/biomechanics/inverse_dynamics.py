@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.motion_loops import torques, whole_efforts
 from flexmotion.biomechanics.segment_motion import SegmentMotion, hinge_index
+from flexmotion.compiled import doubles
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
 from flexmotion.human.skeleton import SIDES
@@ -60,7 +61,7 @@ def whole_effort(segments: SegmentMotion) -> tuple[Float, Float, Float]:
     Returns:
         (T, 3) each [m/s², m²/s², m].
     """
-    own = np.ascontiguousarray
+    own = doubles
     rate = own(segments.angular_momentum_rate)
     return whole_efforts(segments.mass, own(segments.com), own(segments.acceleration), rate, GRAVITY)
 
@@ -92,7 +93,7 @@ def joint_torques(
         points: reference points of those moments, (T, 2, 3) [m].
         loads: external forces.
     """
-    human, force, own = human_model(body), _forces(segments), np.ascontiguousarray
+    human, force, own = human_model(body), _forces(segments), doubles
     for load in loads:
         force[:, human.body_index[load.segment]] -= load.force
     return torques(

@@ -66,7 +66,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     values = np.ascontiguousarray(features, np.float64)
     blocks, weight, frames = layout.blocks, body.mass * GRAVITY, len(values)
     position, quaternion, joints, wrenches, centres = feature_loops.decoded(
-        values, columns_of(layout), _start(anchor), Scale(layout.fps, body.leg, weight, FIRM)
+        values, columns_of(layout), _start(anchor), Scale(float(layout.fps), body.leg, weight, FIRM)
     )
     torques = np.zeros((frames, DOF_COUNT))
     torques[:, -len(JOINTS) :] = values[:, blocks["torques"]] * (weight * body.leg)
@@ -89,7 +89,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
 def root_path(features: NDArray, layout: Layout, body: Body, anchor: Anchor) -> tuple[Float, Float]:
     """Positions of the root, (T, 3) [m], and headings, (T,) [rad], from features that are not normalised."""
     root = np.ascontiguousarray(features[:, layout.blocks["root"]], np.float64)
-    return feature_loops.root_path(root, _start(anchor), Scale(layout.fps, body.leg, body.mass * GRAVITY, FIRM))
+    return feature_loops.root_path(root, _start(anchor), Scale(float(layout.fps), body.leg, body.mass * GRAVITY, FIRM))
 
 
 def _start(anchor: Anchor) -> Start:

@@ -64,7 +64,7 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
         *_places(motion.body),
         columns_of(layout),
         # Differences are over the steps of the motion.
-        Scale(motion.fps, leg, weight, 0.0),
+        Scale(float(motion.fps), leg, weight, 0.0),
         features,
     )
     if motion.torques is not None:

@@ -58,8 +58,9 @@ def _place(turned: Float, b: int, vectors: Float, number: int, origins: Float, o
 
 @part
 def _set(turned: Float, b: int, w: float, x: float, y: float, z: float) -> None:
-    """Write the rotation of a quaternion of any length."""
-    scale = 2.0 / (w * w + x * x + y * y + z * z)
+    """Write the rotation of a quaternion of any length; none for one without length, as MuJoCo does."""
+    length = w * w + x * x + y * y + z * z
+    scale = 2.0 / length if length > 0.0 else 0.0
     turned[b, 0, 0], turned[b, 1, 1] = 1.0 - scale * (y * y + z * z), 1.0 - scale * (x * x + z * z)
     turned[b, 2, 2] = 1.0 - scale * (x * x + y * y)
     turned[b, 0, 1], turned[b, 1, 0] = scale * (x * y - w * z), scale * (x * y + w * z)

@@ -32,6 +32,7 @@ from scipy.linalg.lapack import dposv
 
 from flexmotion.biomechanics.differentiation import HALF, second_derivative
 from flexmotion.biomechanics.smoothing import CUTOFF, DIFFERENCES
+from flexmotion.compiled import doubles
 from flexmotion.sampling.balance_loops import Ends, Frames, Limits, brought, heights, places, shifted
 from flexmotion.sampling.soles import DIRECTIONS, NOWHERE, OUTWARD
 from flexmotion.sampling.walking import Walks
@@ -123,7 +124,7 @@ class Needs:
 
     def shifted(self, shift: Float) -> Needs:
         """The needs of the motion shifted by (N, 3) [m]."""
-        own = np.ascontiguousarray
+        own = doubles
         more = acceleration(shift, self.fps)
         root, force, moment, centre = shifted(
             own(shift), more, own(self.root), own(self.force), own(self.moment), own(self.centre)
@@ -199,7 +200,7 @@ def horizontal_shift(
             bounds=bounds[-2] - margin if walks is None else walks.place @ OUTWARD,
             weight=settings.capture * settings.ease * frequency**4,
         )
-    start, limits, own = terms.wanted(needs, slice(2)), _limits(settings, needs.fps), np.ascontiguousarray
+    start, limits, own = terms.wanted(needs, slice(2)), _limits(settings, needs.fps), doubles
     outside, free, base, moved, edge, given, hessian, right = places(
         own(needs.force),
         own(needs.moment),

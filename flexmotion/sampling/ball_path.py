@@ -17,6 +17,7 @@ from flexmotion.sampling.settling import settled
 from flexmotion.spatial.rotations import matrices, matrix_quaternions, rotation_vectors, vector_quaternions
 
 Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 FAR = 2.0
 """Rotations by more than this [rad] may turn over from frame to frame: they are counted on beyond half a turn."""
@@ -26,6 +27,8 @@ SHOULDERS = tuple(number for number, ball in enumerate(BALLS) if ball[0].startsw
 BEHIND, ABOVE = 0.5, 0.2
 """No arm points farther back and up than this at once, as a unit vector seen from the trunk: one that is stretched back
 by the shoulder's 60° points down by .5, and a raised arm back by .3."""
+LONGEST = 4.5
+"""The longest way past the front [rad]: with the time constant of a pose it turns as fast as people, by 5.5 rad/s."""
 
 
 def led_joints(joints: Float, pose: Float, columns: Collection[int], share: Float, before: Float) -> Float:
@@ -102,6 +105,9 @@ def _between(first: Float, second: Float) -> Float:
 def _in_front(goal: Float, away: Float, balls: list[int]) -> Float:
     """Rotation vectors from a goal, the other way round for upper arms that would pass behind and above the shoulder.
 
+    Those that begin or end there go the shortest way, and so does an arm for which the other one is longer than
+    `LONGEST`.
+
     Args:
         goal: rotations, (K, 3, 3).
         away: from the goal to where the joints were, (T, K, 3) [rad].
@@ -110,14 +116,17 @@ def _in_front(goal: Float, away: Float, balls: list[int]) -> Float:
     for place in (place for place, ball in enumerate(balls) if ball in SHOULDERS):
         way = away[:, place]
         size = np.sqrt(np.einsum("ti,ti->t", way, way))[:, None]
+        if 2.0 * np.pi - float(size[-1, 0]) > LONGEST:
+            continue
         round_ = way - 2.0 * np.pi * way / np.maximum(size, 1e-9)
-        if _behind(goal[place], way[-1]) and not _behind(goal[place], round_[-1]):
+        behind = _behind(goal[place], way[-1])
+        if behind.any() and not (behind[0] or behind[-1] or _behind(goal[place], round_[-1]).any()):
             away[:, place] = round_
     return away
 
 
-def _behind(goal: Float, way: Float) -> bool:
-    """Whether an upper arm passes behind and above the shoulder on its way between a rotation and another."""
-    shares = np.linspace(0.0, 1.0, 9)[1:-1, None]
+def _behind(goal: Float, way: Float) -> Flags:
+    """Where an upper arm is behind and above the shoulder on its way between two rotations, both included, (N,)."""
+    shares = np.linspace(0.0, 1.0, 33)[:, None]
     arm = -(goal @ matrices(vector_quaternions(shares * way)))[..., 2]
-    return bool(((arm[:, 0] < -BEHIND) & (arm[:, 2] > ABOVE)).any())
+    return np.asarray((arm[:, 0] < -BEHIND) & (arm[:, 2] > ABOVE))

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.ground_reaction import GROUND
+from flexmotion.compiled import doubles
 from flexmotion.sampling.ground_loops import Feet, Sharing, shares
 from flexmotion.sampling.soles import Soles
 
@@ -65,14 +66,14 @@ def ground_share(
         centres: of pressure of the same, (T, 2, 3) [m].
         weight: of the body [N].
     """
-    own = np.ascontiguousarray
+    own = doubles
     feet = Feet(
         origin=own(soles.origin),
         axes=own(soles.axes),
         lattice=own(soles.lattice),
         points=own(soles.points),
         height=own(soles.height),
-        usable=own(usable),
+        usable=np.ascontiguousarray(usable),
         predicted=own(predicted),
         centres=own(centres),
     )

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import doubles
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
@@ -35,7 +36,7 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
         down: of left and right foot, negative for up, (T, 2) [m].
         hip, ankle: joint centres of the motion, (T, 2, 3) [m].
     """
-    own = np.ascontiguousarray
+    own = doubles
     joints = stretched(lengths(motion.body), own(motion.joints), own(down), own(hip), own(ankle), *_COLUMNS)
     return motion.changed(joints=joints)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.compiled import doubles
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices
 from flexmotion.human.body import Body
 from flexmotion.human.joint_limits import joint_limits
@@ -39,7 +40,7 @@ def reached(body: Body, hips: Float, knees: Float, ankles: Float, wanted: Float)
         knees, ankles: flexion and dorsiflexion, (T, 2) [rad].
         wanted: from the hips to the ankles in the axes of the pelvis, (T, 2, 3) [m].
     """
-    own = np.ascontiguousarray
+    own = doubles
     return leg_loops.reached(lengths(body), own(hips), own(knees), own(ankles), own(wanted))
 
 
@@ -54,10 +55,10 @@ def shifted(motion: Motion, by: Float, before: Float) -> Motion:
     hips, bent, dorsal = leg_loops.moved(
         lengths(motion.body),
         ball_matrices(motion.joints, HIP_BALLS),
-        np.ascontiguousarray(motion.joints[:, KNEES]),
-        np.ascontiguousarray(motion.joints[:, ANKLES]),
-        np.ascontiguousarray(by, np.float64),
-        np.ascontiguousarray(motion.root_quaternion),
+        doubles(motion.joints[:, KNEES]),
+        doubles(motion.joints[:, ANKLES]),
+        doubles(by),
+        doubles(motion.root_quaternion),
         TILTS,
     )
     joints = motion.joints.copy()
@@ -73,7 +74,7 @@ def smoothly_shifted(motion: Motion, by: Float, before: Float) -> Motion:
     little where `by` changes slowly.
     """
     changed = shifted(motion, by, before).joints
-    return motion.changed(joints=eased(np.ascontiguousarray(motion.joints), changed, SMOOTH, joint_limits()))
+    return motion.changed(joints=eased(doubles(motion.joints), changed, SMOOTH, joint_limits()))
 
 
 def turned(rotation: Float, vector: Float) -> Float:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
+from flexmotion.compiled import doubles
 from flexmotion.human.filters import recursive
 from flexmotion.human.kinematics import HumanKinematics, foot_points, forward
 from flexmotion.human.motion import Motion
@@ -141,8 +142,8 @@ class Slip:
             fps: frames per second.
             stays: whether the body stays where it is: loaded feet are alike, and none glides.
         """
-        own = np.ascontiguousarray
-        return cls(*slips(own(feet), own(contacts), own(pelvis), fps, stays, _HOLDS))
+        own = doubles
+        return cls(*slips(own(feet), np.ascontiguousarray(contacts), own(pelvis), fps, stays, _HOLDS))
 
     @property
     def made_up_for(self) -> Float:

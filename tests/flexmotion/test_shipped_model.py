@@ -14,6 +14,7 @@ from flexmotion.bundles.repertoire import offered_kinds
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.request import Requests
 from flexmotion.sampling.sampler import Condition, Sampler
@@ -277,3 +278,10 @@ def test_a_bow_keeps_both_feet_on_the_floor(sampler: Sampler, seed: int) -> None
         steps = np.diff(forward(history).ankle, axis=0)
         fastest = max(fastest, float(np.linalg.norm(steps, axis=-1).max()) * sampler.fps)
     assert fastest < 0.35
+
+
+def test_a_motion_at_a_whole_number_of_frames_a_second_is_a_history(sampler: Sampler) -> None:
+    """With `fps=30` in place of 30.0 a sample ended in the compiler's TypeError."""
+    stand = sampler.standing()
+    whole = Motion(30, stand.root_position, stand.root_quaternion, stand.joints, stand.body)  # type: ignore[arg-type]
+    assert len(sampler.sample(whole, Condition("bow"), 1)) > len(whole)

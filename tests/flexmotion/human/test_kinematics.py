@@ -58,3 +58,13 @@ def test_foot_points_alone_are_those_of_all_segments(clip, clip_kinematics):
 def test_unknown_arrays_are_refused(clip):
     with pytest.raises(ValueError, match="xvel"):
         frame_arrays(clip, "xpos", "xvel")
+
+
+def test_a_pelvis_without_a_rotation_is_upright(clip):
+    """As MuJoCo takes it; a quaternion of zeros made all positions NaN."""
+    none, upright = (
+        frame_arrays(clip[:3].changed(root_quaternion=np.tile(turn, (3, 1))), *STATE)
+        for turn in ([0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
+    )
+    for found, expected in zip(none, upright, strict=True):
+        np.testing.assert_array_equal(found, expected)

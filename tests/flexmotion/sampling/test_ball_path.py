@@ -38,3 +38,14 @@ def test_other_ways_are_the_shortest(start: np.ndarray, goal: np.ndarray) -> Non
     arm, _ = path("r", start, goal)
     turned = np.arccos(np.clip(np.sum(arm[1:] * arm[:-1], axis=1), -1.0, 1.0)).sum()
     assert turned < np.pi
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [([78, -154, 45], [66, -149, 44]), ([51, -132, 89], [-4, -11, 7]), ([-122, 50, -67], [-128, 47, -66])],
+)
+def test_an_arm_near_its_goal_or_behind_the_shoulder_takes_the_shortest_way(start: list[int], goal: list[int]) -> None:
+    """Twelve degrees became a turn of 348; an arm that began behind the shoulder took twice the way past the face."""
+    arm, _ = path("l", np.radians(start), np.radians(goal))
+    turned = np.arccos(np.clip(np.sum(arm[1:] * arm[:-1], axis=1), -1.0, 1.0)).sum()
+    assert turned < 2.2
