@@ -66,11 +66,13 @@ class HeelStrike:
         self._keep = math.exp(-1.0 / (_FADE_S * robot.rate_hz))
         self._acts, self._looks = False, [False, False]
         self._taken = [0.0, 0.0]  # corrections of the steps that are made now
+        # How far each foot was ahead of the other when it lifted [m]; one that is first seen in the air goes ahead.
+        self._lifted = [-math.inf, -math.inf]
         self._before = np.zeros(robot.n)
 
     def reset(self) -> None:
         """Let the legs follow their plan at once; what was learnt of the robot is kept."""
-        self._looks = [False, False]
+        self._looks, self._lifted = [False, False], [-math.inf, -math.inf]
         if self._acts:
             self.offset[:] = self.speed[:] = 0.0
             self._acts = False
@@ -84,7 +86,7 @@ class HeelStrike:
             hung: the feet are in the air.
         """
         swings = self.enabled and reference.balanced and not hung and bool(reference.contacts.any())
-        ahead = [self._ahead(side, reference) if swings and not reference.contacts[side] else 0.0 for side in range(2)]
+        ahead = [self._ahead(side, reference) if swings else 0.0 for side in range(2)]
         for side in range(2):
             if ahead[side] == 0.0:
                 self._looks[side], self._taken[side] = False, float(self.toes_up[side])
@@ -136,10 +138,15 @@ class HeelStrike:
         return np.minimum(np.maximum(found, -_MOST_JOINT, out=found), _MOST_JOINT, out=found)
 
     def _ahead(self, side: int, reference: Reference) -> float:
-        """How far the foot is ahead of the other one, over half of its length, in [0, 1]."""
+        """How far a foot in the air that goes ahead is ahead of the other one, over half of its length, in [0, 1]."""
+        if reference.contacts[side]:
+            self._lifted[side] = math.nan
+            return 0.0
         (x, y, _, yaw), (other_x, other_y, _, _) = reference.feet[side].tolist(), reference.feet[1 - side].tolist()
         way = math.cos(yaw) * (x - other_x) + math.sin(yaw) * (y - other_y)
-        return min(max(way / self._half_length[side], 0.0), 1.0)
+        if math.isnan(self._lifted[side]):
+            self._lifted[side] = way
+        return min(max(way / self._half_length[side], 0.0), 1.0) if way > self._lifted[side] else 0.0
 
     def _look(self, side: int, estimator: Estimator, reference: Reference) -> None:
         """Correct the next step by how the soles are to each other, once in a step, shortly before it lands."""
