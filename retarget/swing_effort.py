@@ -9,7 +9,6 @@ servos are taken at their nominal voltage, as in `configs/envelope.py`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
@@ -36,8 +35,7 @@ _BRAKING = 0.3
 """Speed from which a servo that brakes gives all of its stall torque [rad/s]; the envelope itself jumps at 0."""
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """What the servos of both legs give in the order of `legs.CHAIN`, the weaker of each pair, (6,) each.
 
     Attributes:
@@ -61,7 +59,8 @@ class Limits:
         """Read them from the robot's file and model."""
         pairs = np.array([leg.indices for leg in legs])
         dofs = robot.dof_address[pairs]
-        return cls(
+        return packed(
+            cls,
             usable=robot.usable_torque[pairs].min(axis=0),
             stall=robot.stall_torque[pairs].min(axis=0),
             back_emf=robot.back_emf[pairs].max(axis=0),
@@ -85,17 +84,6 @@ class _Links(NamedTuple):
     mass: Float
     cross: Float
     cross_squared: Float
-
-
-class _Given(NamedTuple):
-    """`Limits`, as the compiled loop takes them, (6,) each."""
-
-    usable: Float
-    stall: Float
-    back_emf: Float
-    speed: Float
-    armature: Float
-    friction: Float
 
 
 class LegChain:
@@ -147,7 +135,6 @@ class SwingEffort:
     def __init__(self, robot: Robot, legs: tuple[Leg, Leg], omega: float) -> None:
         self.gait, self.leg, self.omega = robot.gait, legs[0], omega
         self.limits, self.chain = Limits.of(robot, legs), LegChain(robot, legs[0])
-        self._limits = packed(_Given, **vars(self.limits))
         self.phase = np.linspace(0.0, 1.0, ROWS)
         self._sole_half_length = float(robot.sole_half_size[:, 0].min())
         self._height = self.gait.walk_hip_height - float(self.leg.sole[2]) - float(self.leg.hip[2])
@@ -158,7 +145,7 @@ class SwingEffort:
         parts = [
             [gait.walk_hip_height, gait.double_support_min_s, gait.clearance, gait.max_foot_yaw, gait.max_toe_in],
             [self.omega, self._sole_half_length, leg.thigh, leg.shank, *leg.hip, *leg.sole, *leg.signs],
-            *(vars(self.limits).values()),
+            *self.limits._asdict().values(),
             *(part.ravel() for part in (chain.axes, chain.anchors, chain.mass, chain.centre)),
         ]
         return np.concatenate(parts)
@@ -196,7 +183,7 @@ class SwingEffort:
 
     def _shares(self, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
         """What joint paths of swings ask; returns as `asked`, arguments as `_joints` returns them."""
-        return _asked(self.chain.links, self._limits, q, torso, rotation, seconds)
+        return _asked(self.chain.links, self.limits, q, torso, rotation, seconds)
 
     def _joints(self, progress: Float, lift: Float, travel: Float, seconds: Float) -> tuple[Float, Float, Float]:
         """Joint angles (B, ROWS, 6) [rad], and positions and rotations of the torso.
@@ -233,13 +220,13 @@ class SwingEffort:
 
 @compiled(
     fields(_Links, *[FLOATS[2]] * 3, FLOATS[1], *[FLOATS[3]] * 2),
-    fields(_Given, *[FLOATS[1]] * 6),
+    fields(Limits, *[FLOATS[1]] * 6),
     FLOATS[3],
     ANY[3],
     ANY[4],
     ANY[1],
 )
-def _asked(links: _Links, limits: _Given, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
+def _asked(links: _Links, limits: Limits, q: Float, torso: Float, rotation: Float, seconds: Float) -> Float:
     """`SwingEffort._shares`."""
     number, rows, _ = q.shape
     anchors, axes, centres = np.empty((rows, 6, 3)), np.empty((rows, 6, 3)), np.empty((rows, 6, 3))

@@ -30,7 +30,7 @@ def test_the_cheapest_way_is_that_of_all_ways() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_costs_that_are_no_numbers_lead_through_candidates(value: float) -> None:
-    """Memory that nobody had written was taken for the number of a candidate: the process ended with SIGBUS."""
+    """Memory that was never written was used as an index: the process ended with SIGBUS."""
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (30, 8, 2, 3))
     found = cheapest(q, np.full((30, 8, 2), value), 4.0)
     assert (np.abs(found[:, None] - q).max(axis=-1).min(axis=1) == 0.0).all()
